@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, cast
 
 from engines.errors import ConfigError
 from harness.analysis import Analysis, analyse

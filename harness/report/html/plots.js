@@ -2,6 +2,7 @@
 
 const NARROW = 700; // Below this many pixels the legend stands beneath the plot.
 const SUBPLOT = 250; // No subplot is narrower, but where there is one a row.
+const LONG_NAME = 18; // Letters of a name that gets two lines there.
 const PRINTED = 660;
 const CONFIG = {
   displaylogo: false,
@@ -33,7 +34,7 @@ function countSubplots(layout) {
 // A name in two lines where it is long.
 function wrapped(name) {
   const spaces = Array.from(name.matchAll(/ /g), (found) => found.index);
-  if (name.length < 18 || !spaces.length) return name;
+  if (name.length < LONG_NAME || !spaces.length) return name;
   const middle = spaces.reduce((a, b) => (Math.abs(b - name.length / 2) < Math.abs(a - name.length / 2) ? b : a));
   return `${name.slice(0, middle)}<br>${name.slice(middle + 1)}`;
 }
@@ -54,13 +55,15 @@ function layoutFor(described, width) {
     const inner = k % columns > 0;
     if (y.ticktext && width < NARROW) y.ticktext = y.ticktext.map(wrapped);
     const texts = y.ticktext && !(inner && !described.texts) ? 6.5 * Math.max(...y.ticktext.flatMap((text) => text.split("<br>")).map((line) => line.length)) : 40;
-    if (!x.tickvals) x.nticks = Math.max(3, Math.round((room / columns - texts) / 45));
+    if (!x.tickvals) x.nticks = Math.max(3, Math.round((room / columns - texts) / 60));
     if (inner && !described.texts) y.showticklabels = false;
     if (inner && y.title.text === described.layout[`yaxis${k > 1 ? k : ""}`].title.text) y.title.text = "";
     if (below && below.title.text === x.title.text) x.title.text = "";
   }
   const lines = right ? 0 : Math.min(8, Math.ceil(entries.length / Math.max(1, Math.floor(width / legendWidth))));
-  const rowHeight = Math.max(described.height, 130);
+  const names = layout.yaxis.ticktext || [];
+  const wraps = names.some((name) => name.length >= LONG_NAME) && width < NARROW;
+  const rowHeight = Math.max(described.height, wraps ? 30 * names.length + 60 : 130);
   layout.grid = { rows, columns, pattern: "independent", xgap: described.texts ? 0.22 : 0.08, ygap: Math.min(0.45, 75 / rowHeight) };
   layout.width = width;
   layout.height = Math.round(rowHeight * rows + 19 * lines + (right ? 0 : 20));

@@ -112,7 +112,7 @@ def _key(axis: str) -> str:
 
 def _axis(axis: Axis) -> Json:
     found: Json = {
-        "title": {"text": _text(axis.title)},
+        "title": {"text": _text(axis.title), "standoff": 12},
         "type": axis.scale,
         "exponentformat": "none",
         "automargin": True,
@@ -235,15 +235,9 @@ def _look(look: Look) -> Json:
 def _entry(look: Look, label: str) -> Json:
     """A trace without points, for the legend."""
     mode = "+".join(["lines"] * (look.line != "none") + ["markers"] * bool(look.marker))
-    return {
-        "x": [None],
-        "y": [None],
-        "mode": mode,
-        "name": _text(label),
-        "showlegend": True,
-        "hoverinfo": "skip",
-        **_look(look),
-    }
+    name = _text(label)
+    shown = {"mode": mode, "name": name, "legendgroup": name, "showlegend": True, "hoverinfo": "skip"}
+    return {"x": [None], "y": [None], **shown, **_look(look)}
 
 
 def _legend_entry(trace: Json, labels: set[str]) -> Json:
