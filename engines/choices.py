@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -47,6 +48,22 @@ class Choice:
         """The choice as plain data, the form that configs and results use; `OMITTED` options only where they matter."""
         shown = {key: value for key, value in self.options.items() if OMITTED.get((self.name, key), self) != value}
         return {"name": self.name, **shown}
+
+    @classmethod
+    def of(cls, described: Mapping[str, Any]) -> Choice:
+        """The choice that `describe` has described."""
+        return cls(described["name"], {key: value for key, value in described.items() if key != "name"})
+
+    def __str__(self) -> str:
+        """As tables, legends and messages print it: `bvh(leaf=4)`, options by name."""
+        options = ", ".join(f"{key}={value}" for key, value in sorted(self.options.items()))
+        return f"{self.name}({options})" if options else self.name
+
+    def __lt__(self, other: Choice) -> bool:
+        return str(self) < str(other)
+
+    def __hash__(self) -> int:
+        return hash((self.name, *sorted(self.options)))  # values may be lists
 
 
 class OpenOptions(dict[str, Option]):
@@ -151,6 +168,24 @@ SAMPLERS: dict[str, dict[str, Option]] = {
 SMOOTH_SAMPLERS = ("random",)
 """Samplers of independent samples, whose error falls smoothly with every sample. That of the others is least after whole
 patterns (powers of two, all strata) and larger between them."""
+
+UNBIASED = ("random", "sobol", "halton")
+"""Samplers whose images have the right mean with few samples, the best for statistics first."""
+
+
+def own_samplers(engine: object) -> list[str]:
+    """The names of the samplers that only this engine has, by its optional method `samplers`."""
+    return list(getattr(engine, "samplers", dict)())
+
+
+def shaders_and_samplers(engine: object) -> list[dict[str, Any]]:
+    """Every shader with every sampler, as keys of `Settings`; those that most engines have come first.
+
+    For single rays neither matters: the first pair that the engine accepts will do.
+    """
+    shaders = dict.fromkeys(["path_tracer", *SHADERS])
+    samplers = dict.fromkeys([*UNBIASED, *SAMPLERS, *own_samplers(engine)])
+    return [{"shader": shader, "sampler": sampler} for shader, sampler in product(shaders, samplers)]
 
 
 def _plugin_choice(kind: str, plugin: Any, options: Mapping[str, Any]) -> Choice:

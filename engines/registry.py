@@ -1,7 +1,7 @@
 """From a name to an engine: the entry-point group `raybench.engines`, ours built in, or `module:attribute`.
 
-A name that ends in .yaml or .yml is the file of a renderer that runs as a process: see `engines.external`. What follows an @
-is the Python that runs the engine, `mitsuba@/path/to/environment`: see `engines.isolated`.
+A name that ends in .yaml or .yml is the file of a renderer that runs as a process: see `engines.peers.external`. What follows
+an @ is the Python that runs the engine, `mitsuba@/path/to/environment`: see `engines.isolated`.
 """
 
 from __future__ import annotations
@@ -154,7 +154,7 @@ def is_file(name: str) -> bool:
 
 
 def _described(path: str) -> Engine:
-    made = load_attribute("engines.external:Engine")(path)
+    made = load_attribute("engines.peers.external:Engine")(path)
     if made.name in engine_names():
         raise ConfigError(f"{path}: name = {made.name!r}: is that of an engine: call the renderer something else")
     return made

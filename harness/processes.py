@@ -1,4 +1,4 @@
-"""What every process that the harness starts has in common: its environment, its end, its errors as one line.
+"""What every process that the harness starts has in common: its environment, its errors as one line.
 
 It imports the standard library only: workers import it before they time the import of their engine.
 """
@@ -6,11 +6,10 @@ It imports the standard library only: workers import it before they time the imp
 from __future__ import annotations
 
 import os
-import signal
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
-PR_SET_PDEATHSIG = 1
 MOST_CHARACTERS = 2000
 """Of an exception's message."""
 THREAD_POOLS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "BLIS_NUM_THREADS")
@@ -31,21 +30,17 @@ def worker_environment(allow_imports: bool, code: Path | None = None) -> dict[st
     """
     from engines.imports import users_folders
 
-    root = str(Path(__file__).resolve().parent.parent)
     more = [*([str(code.absolute())] if code else []), *users_folders(), os.getcwd()] if allow_imports else []
-    paths = [root, *more, os.environ.get("PYTHONPATH", "")]
     changes: dict[str, str] = dict.fromkeys(THREAD_POOLS, "1")
     # With the generic processor model and the host's features Numba's vectors are 512 bits wide where they can be.
     changes["NUMBA_CPU_NAME"] = os.environ.get("NUMBA_CPU_NAME", "")
-    return {**os.environ, **changes, "PYTHONPATH": os.pathsep.join(filter(None, paths))}
+    return {**os.environ, **changes, "PYTHONPATH": python_path(more)}
 
 
-def die_with_parent() -> None:
-    """Asks Linux to kill this process when the one that started it is gone: no orphan disturbs the next run."""
-    if sys.platform == "linux":
-        import ctypes
-
-        ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+def python_path(folders: Sequence[str]) -> str:
+    """The variable PYTHONPATH for a process: this checkout's packages first, then modules in the folders."""
+    root = str(Path(__file__).resolve().parent.parent)
+    return os.pathsep.join(filter(None, [root, *folders, os.environ.get("PYTHONPATH", "")]))
 
 
 def one_line(error: BaseException) -> str:

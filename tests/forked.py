@@ -8,6 +8,7 @@ import multiprocessing
 import os
 import resource
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
@@ -31,7 +32,7 @@ ADDRESS = ("_forkserver_address", "_forkserver_authkey")
 
 class Forked:
     """`function(*arguments)` in a process of its own with that folder and environment. Has what the tests and
-    `harness.measure.pool` use of `subprocess.Popen`, in whose place it stands."""
+    `engines.processes.process` use of `subprocess.Popen`, in whose place it stands."""
 
     def __init__(
         self,
@@ -41,31 +42,25 @@ class Forked:
         environment: Mapping[str, str],
         stdout: str | Path = os.devnull,
         stderr: str | Path = os.devnull,
-        piped: bool = False,
         new_session: bool = False,
     ) -> None:
-        """Output is added to the files `stdout` and `stderr`; where `piped`, stdin and stdout are pipes instead."""
+        """Output is added to the files `stdout` and `stderr`."""
         self.returncode: int | None = None
-        self.stdin = self.stdout = None
-        pipes: tuple[Any, ...] = ()
-        if piped:
-            (their_in, our_in), (our_out, their_out) = FORKS.Pipe(duplex=False), FORKS.Pipe(duplex=False)
-            pipes = their_in, their_out
-            self.stdin = open(os.dup(our_in.fileno()), "wb", buffering=0)  # noqa: SIM115 (closed by who uses it)
-            self.stdout = open(os.dup(our_out.fileno()), "rb", buffering=0)  # noqa: SIM115
         SERVER.ensure_running()
         shared = {name: value for name, value in vars(SERVER).items() if name in ADDRESS}
-        place = str(cwd or Path.cwd()), dict(environment), (str(stdout), str(stderr)), pipes, new_session, shared
+        place = str(cwd or Path.cwd()), dict(environment), (str(stdout), str(stderr)), new_session, shared
         self._process = FORKS.Process(target=_run, args=(function, tuple(arguments), *place))
         self._process.start()
         self.pid = self._process.pid
-        for end in (*pipes, *((our_in, our_out) if piped else ())):
-            end.close()
 
     def wait(self, timeout: float | None = None) -> int:
         self._process.join(timeout)
         if self._process.exitcode is None:
             raise subprocess.TimeoutExpired(str(self._process), timeout or 0.0)
+        self.returncode = self._process.exitcode
+        return self.returncode
+
+    def poll(self) -> int | None:
         self.returncode = self._process.exitcode
         return self.returncode
 
@@ -79,7 +74,6 @@ def _run(
     cwd: str,
     environment: dict[str, str],
     outputs: tuple[str, str],
-    pipes: tuple[Any, ...],
     new_session: bool,
     shared: dict[str, Any],
 ) -> None:
@@ -95,9 +89,6 @@ def _run(
         with open(path, "ab") as file:
             stream.flush()
             os.dup2(file.fileno(), stream.fileno())
-    for place, pipe in enumerate(pipes):
-        os.dup2(pipe.fileno(), place)
-        pipe.close()
     sys.path[:0] = environment.get("PYTHONPATH", "").split(os.pathsep)
     function(*arguments)
 
@@ -142,18 +133,23 @@ def _command(words: list[str], largest_file: int | None) -> None:
 @contextmanager
 def workers() -> Iterator[None]:
     """Within, workers of `harness.measure.pool` that this process starts are forked, too. Their imports take no time."""
-    from harness.measure import pool
+    from engines.processes import process
 
-    def start(command: Sequence[str], *, stderr: Any, env: Mapping[str, str], **options: Any) -> Forked:
-        assert list(command[1:]) == ["-P", "-m", "harness.measure.worker"] and options["start_new_session"]
-        return Forked(_worker, [], None, env, stderr=stderr.name, piped=True, new_session=True)
+    def start(command: Sequence[str], *, stderr: Any, env: Mapping[str, str], pass_fds: Sequence[int], **options: Any) -> Any:
+        _, _, target, _, dies_with_it, _, *arguments = command
+        if target != "harness.measure.worker:main":
+            return subprocess.Popen(command, stderr=stderr, env=env, pass_fds=pass_fds, **options)
+        assert options["start_new_session"] and dies_with_it == "1"
+        (descriptor,) = pass_fds
+        with socket.socket(fileno=os.dup(descriptor)) as theirs:
+            return Forked(_worker, [target, theirs, *arguments], None, env, stderr.name, stderr.name, new_session=True)
 
-    stands_in = SimpleNamespace(Popen=start, PIPE=subprocess.PIPE, TimeoutExpired=subprocess.TimeoutExpired)
-    with mock.patch.object(pool, "subprocess", stands_in):
+    stands_in = SimpleNamespace(Popen=start, DEVNULL=subprocess.DEVNULL, TimeoutExpired=subprocess.TimeoutExpired)
+    with mock.patch.object(process, "subprocess", stands_in):
         yield
 
 
-def _worker() -> None:
-    from harness.measure.worker import main
+def _worker(target: str, theirs: socket.socket, *arguments: str) -> None:
+    from engines.processes.child import run
 
-    main()
+    run(target, os.getppid(), True, [theirs.detach()], arguments)

@@ -26,7 +26,7 @@ PREFIX = "lacks "
 MITSUBA = """
 import sys
 import numpy
-from engines.mitsuba import library
+from engines.peers.mitsuba import library
 reason = library.lacking(library.{variant})
 if reason:
     sys.exit(reason)

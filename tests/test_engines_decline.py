@@ -6,7 +6,7 @@ import pytest
 
 import engines
 from engines import Settings, Unsupported
-from engines.export import export
+from engines.peers.export import export
 
 ENGINES = ("numpy", "numba", "embree", "embreex_batch", "mitsuba", "mitsuba_scalar", "dahlquist")
 TRIANGLE = {"triangle": {"a": [0, 0, 0], "b": [1, 0, 0], "c": [0, 1, 0]}, "material": "grey"}

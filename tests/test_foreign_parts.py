@@ -11,12 +11,12 @@ import pytest
 
 import engines
 from engines.errors import ConfigError, RaybenchError, Unsupported
-from engines.export import export
-from engines.external.scenes import FORMATS
 from engines.kernels.resolve import known
 from engines.kernels.stages.camera import RAYS
+from engines.peers.export import export
+from engines.peers.external.scenes import FORMATS
 from engines.scene import Camera, CustomCamera, Diffuse, Mask, Material, Sides, save_scene
-from engines.scene.bsdf import is_opaque
+from engines.scene.bsdf_tree import is_opaque
 from tests.plain_scene import plain_scene
 
 ENGINES = ("numpy", "numba", "embree", "embreex_batch", "mitsuba", "mitsuba_scalar", "luxcore", "cycles")

@@ -27,13 +27,11 @@ TOP_LEVEL = {
 
 PUBLIC = {
     "engines",
-    "engines.adapters",
     "engines.choices",
     "engines.concurrency",
     "engines.conformance",
     "engines.dahlquist",
     "engines.errors",
-    "engines.export",
     "engines.film",
     "engines.image",
     "engines.imports",
@@ -41,6 +39,13 @@ PUBLIC = {
     "engines.interface",
     "engines.memory",
     "engines.packages",
+    "engines.peers.adapters",
+    "engines.peers.export",
+    "engines.processes",
+    "engines.processes.channel",
+    "engines.processes.child",
+    "engines.processes.pickled",
+    "engines.processes.records",
     "engines.registry",
     "engines.scene",
     "engines.schema.keys",
@@ -50,6 +55,9 @@ PUBLIC = {
     "engines.temporary",
     "engines.tonemap",
 }
+
+MOVED = ("adapters", "export", "external", "mitsuba", "open3d")
+"""Of `engines.peers`: what can be imported from its former place still."""
 
 _BASE = {
     *("engines.errors", "engines.choices", "engines.concurrency", "engines.packages"),
@@ -63,6 +71,7 @@ ALLOWED: dict[str, set[str]] = {
     "engines.concurrency": set(),
     "engines.input_files": set(),
     "engines.packages": set(),
+    "engines.processes": set(),
     "engines.sobol_numbers": set(),
     "engines.source_files": set(),
     "engines.temporary": set(),
@@ -89,13 +98,19 @@ ALLOWED: dict[str, set[str]] = {
     "engines.embree": _JITTED,
     "engines.dahlquist": {*_BASE, "engines.image", *_KERNELS},
     "engines.embreex_batch": {*_BASE, "engines.numpy_reference"},
-    "engines.adapters": _BASE,
-    "engines.external": {*_BASE, "engines.adapters", "engines.export", "engines.image", "engines.schema", "engines.temporary"},
-    "engines.isolated": {*_BASE, "engines.imports", "engines.registry"},
-    "engines.mitsuba": {*_BASE, "engines.temporary"},
-    "engines.peers": {*_BASE, "engines.adapters"},
-    "engines.open3d": _BASE,
-    "engines.export": {*_BASE, "engines.image", "engines.mitsuba"},
+    "engines.isolated": {*_BASE, "engines.imports", "engines.processes", "engines.registry"},
+    "engines.peers": set(),
+    "engines.peers.adapters": _BASE,
+    "engines.peers.cycles": {*_BASE, "engines.peers.adapters"},
+    "engines.peers.external": {
+        *(*_BASE, "engines.image", "engines.schema", "engines.temporary"),
+        *("engines.peers.adapters", "engines.peers.export"),
+    },
+    "engines.peers.export": {*_BASE, "engines.image", "engines.peers.adapters", "engines.peers.mitsuba"},
+    "engines.peers.luxcore": {*_BASE, "engines.peers.adapters"},
+    "engines.peers.mitsuba": {*_BASE, "engines.peers.adapters", "engines.temporary"},
+    "engines.peers.open3d": _BASE,
+    **{f"engines.{name}": {f"engines.peers.{name}"} for name in MOVED},
     "engines": {
         *("engines.choices", "engines.errors", "engines.film", "engines.interface"),
         *("engines.registry", "engines.scene", "engines.tonemap"),
@@ -108,14 +123,14 @@ ONLY_IN = {
     "embreex": {"engines.embree", "engines.embreex_batch"},
     "llvmlite": {"engines.kernels.compile"},
     "numba": {"engines.kernels.compile"},
-    "mitsuba": {"engines.mitsuba", "engines.scene.mitsuba_xml.bake_sky"},
-    "drjit": {"engines.mitsuba"},
-    "pyluxcore": {"engines.peers"},
-    "open3d": {"engines.open3d"},
+    "mitsuba": {"engines.peers.mitsuba", "engines.scene.mitsuba_xml.bake_sky"},
+    "drjit": {"engines.peers.mitsuba"},
+    "pyluxcore": {"engines.peers.luxcore"},
+    "open3d": {"engines.peers.open3d"},
 }
 
 LONG_FILES: dict[str, str] = {}
-"""Files above 400 lines, each with the reason why it is one."""
+"""Files above 600 lines, each with the reason why it is one."""
 
 
 def modules() -> dict[str, Path]:
@@ -305,11 +320,11 @@ def test_every_module_says_what_lives_in_it():
     assert [name for name, path in MODULES.items() if not ast.get_docstring(ast.parse(path.read_text()))] == []
 
 
-def test_no_file_is_longer_than_400_lines_without_a_reason():
+def test_no_file_is_longer_than_600_lines_without_a_reason():
     long = {
         str(path.relative_to(ROOT))
         for path in [*MODULES.values(), *ROOT.glob("tests/**/*.py")]
-        if len(path.read_text().splitlines()) > 400
+        if len(path.read_text().splitlines()) > 600
     }
     assert long == set(LONG_FILES)
 

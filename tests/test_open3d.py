@@ -6,8 +6,8 @@ import pytest
 import engines
 from engines import Settings, UnknownName, Unsupported
 from engines.interface import HasTracer
-from engines.open3d import Engine
 from engines.packages import install_extra
+from engines.peers.open3d import Engine
 from engines.scene import scene_from
 from tests.needs import needs
 from tests.test_layout import ROOT
@@ -42,7 +42,7 @@ def test_it_renders_nothing_and_says_what_it_lacks(box):
 
 
 def test_what_is_not_installed_is_named(box, monkeypatch):
-    monkeypatch.setattr("engines.open3d.engine.util.find_spec", lambda name: None)
+    monkeypatch.setattr("engines.peers.open3d.engine.util.find_spec", lambda name: None)
     assert Engine().why_not_tracer(box, Settings()) == f"Open3D is not installed: {install_extra('open3d')}"
 
 

@@ -9,8 +9,8 @@ import pytest
 import engines
 from engines import Settings, save_scene
 from engines.errors import Unsupported
-from engines.export import export
 from engines.image import write_image
+from engines.peers.export import export
 from engines.scene import (
     Checkerboard,
     Cylinder,

@@ -18,7 +18,7 @@ from harness.report.plots import stability
 from harness.report.plots.figures import figure as drawn
 from harness.report.plots.figures import style
 from harness.store.results import load_results
-from harness.verify import oracle
+from harness.trace import oracle
 
 ROOT = Path(__file__).resolve().parents[2]
 TARGET = ROOT / "docs" / "pictures" / "hard_cases"

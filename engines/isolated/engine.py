@@ -124,11 +124,11 @@ class Renderer:
                 raise error
             return self.film
 
-    def _take_film(self, kind: str, block: Block | None, bad_samples: Any) -> bool:
+    def _take_film(self, callback: bool, block: Block | None, bad_samples: Any) -> bool:
         if block is not None:
             self.film = film_in(block)
         self.film.bad_samples = bad_samples
-        if kind == "pass" and self._on_pass is not None:
+        if callback and self._on_pass is not None:
             try:
                 self._on_pass(self.film)
             except BaseException as error:
@@ -196,7 +196,7 @@ class _Processes:
     def drop(self, process: Process) -> None:
         """Takes a process back whose renderer is gone."""
         if process.usable:
-            process.post("drop")
+            process.drop()
         self.give_back(process)
 
     def end(self) -> None:

@@ -1,7 +1,6 @@
 """The side that holds the engine. Calls are served in the main thread, queries in a second one, `stop` in a third.
 
-Over the sockets come requests, (verb, arguments...), and go answers, ("done", result) or ("failed", error, traceback). Within a
-render ("pass", film) goes, and ("go",) or ("end",) comes. Where the other process has gone, this one ends.
+Where the other process has gone, this one ends.
 """
 
 from __future__ import annotations
@@ -9,8 +8,6 @@ from __future__ import annotations
 import builtins
 import gc
 import os
-import signal
-import socket
 import sys
 import threading
 import time
@@ -21,13 +18,14 @@ from typing import Any
 from engines import errors
 from engines.film import allocated_by
 from engines.isolated import films
-from engines.isolated.channel import Channel, Closed, Unreadable
 from engines.isolated.environment import described
+from engines.isolated.messages import Done, Failed, FilmReady, Request
+from engines.processes import Channel, Closed, pickled
 from engines.registry import make
 
-_PR_SET_PDEATHSIG = 1
 _LAST_SECONDS = 0.5
 """What an idle process has left to end in, once its parent has gone or has closed the sockets."""
+_POLL_SECONDS = 0.5
 
 
 class CallbackFailed(Exception):
@@ -37,8 +35,8 @@ class CallbackFailed(Exception):
 class Server:
     """One engine, and at most one renderer of it."""
 
-    def __init__(self, calls: Channel, queries: Channel, stops: Channel) -> None:
-        self._calls, self._queries, self._stops = calls, queries, stops
+    def __init__(self, calls: Channel, queries: Channel, stops: Channel, parent: int) -> None:
+        self._calls, self._queries, self._stops, self._parent = calls, queries, stops, parent
         self._engine: Any = None
         self._scene: Any = None
         self._renderer: Any = None
@@ -51,17 +49,23 @@ class Server:
         self._serve(self._calls, self._call)
         self._renderer = self._engine = None
 
+    def _pause(self) -> float:
+        """Gives up where the parent has ended: a fork of it may hold the other end of the sockets open."""
+        if os.getppid() != self._parent:
+            raise Closed
+        return _POLL_SECONDS
+
     def _serve(self, channel: Channel, answer: Any) -> None:
         while True:
             try:
-                verb, *arguments = channel.receive()
-                if verb == "drop":
+                request: Request = pickled.receive(channel, self._pause)
+                if request.verb == "drop":
                     self._renderer = self._block = None
                 else:
-                    _send(channel, "done", answer(verb, *arguments))
+                    _send(channel, answer(request.verb, *request.arguments))
             except Closed:
                 return
-            except Unreadable as error:
+            except pickled.Unreadable as error:
                 _send_failure(channel, errors.Unsupported(f"it cannot be had in the engine's own process: {error}"))
             except BaseException as error:
                 _send_failure(channel, error)
@@ -120,16 +124,15 @@ class Server:
             gc.enable()
 
     def _on_pass(self, film: Any) -> None:
-        self._tell_film(film, "pass")
-        (answer,) = self._calls.receive()
-        if answer == "end":
+        self._tell_film(film, callback=True)
+        if not pickled.receive(self._calls, self._pause).yes:
             raise CallbackFailed
 
-    def _tell_film(self, film: Any, kind: str = "film") -> None:
+    def _tell_film(self, film: Any, callback: bool = False) -> None:
         """Sees that the other process has the film, and tells it what does not lie in the memory that both share."""
         block = films.block_of(film, self._block)
         new = (block.width, block.height) if block is not self._block else None
-        self._calls.send((kind, new, film.bad_samples), None if new is None else block.descriptor)
+        pickled.send(self._calls, FilmReady(callback, new, film.bad_samples), None if new is None else block.descriptor)
         self._block = block
 
     # --- the other threads -------------------------------------------------------------------------------------------
@@ -139,9 +142,9 @@ class Server:
         return dict(answer) if verb == "counters" and hasattr(answer, "keys") else answer
 
 
-def _send(channel: Channel, *answer: Any) -> None:
+def _send(channel: Channel, result: Any) -> None:
     try:
-        channel.send(answer)
+        pickled.send(channel, Done(result))
     except Closed:
         raise
     except Exception as error:
@@ -156,20 +159,15 @@ def _send_failure(channel: Channel, error: BaseException) -> None:
     if home is None or getattr(home, kind.__name__, None) is not kind:
         error = errors.RendererFailed(f"{kind.__name__}: {error}")
     try:
-        channel.send(("failed", error, text))
+        pickled.send(channel, Failed(error, text))
     except Closed:
         return
     except Exception:
-        channel.send(("failed", errors.RendererFailed(f"{kind.__name__}: (it cannot be sent)"), text))
+        pickled.send(channel, Failed(errors.RendererFailed(f"{kind.__name__}: (it cannot be sent)"), text))
 
 
-def serve(parent: int, dies_with_it: bool, *descriptors: int) -> None:
-    """Serves over three sockets until they are closed, or the process `parent` ends, as whose child this one was started."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that calls
-    if dies_with_it and sys.platform == "linux":
-        import ctypes
-
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    channels = (Channel(socket.socket(fileno=each), lambda: os.getppid() == parent) for each in descriptors)
+def serve(descriptors: Sequence[int], arguments: Sequence[str]) -> None:
+    """Serves over three sockets until they are closed, or the process ends as whose child this one was started."""
+    calls, queries, stops = map(Channel.at, descriptors)
     with allocated_by(films.allocate):
-        Server(*channels).serve()
+        Server(calls, queries, stops, int(arguments[0])).serve()

@@ -14,7 +14,7 @@ from engines.numpy_reference.textures import ColorParameter
 from engines.numpy_reference.tilts import kept, shadowing
 from engines.numpy_reference.vectors import Array, Indices, Mask, dot
 from engines.numpy_reference.wrappers import Wrappers
-from engines.scene import Bsdf, Material, Mixture
+from engines.scene import Material
 
 
 class Materials:
@@ -36,7 +36,7 @@ class Materials:
         self.two_sided = np.array([material.two_sided for material in materials], bool)
         self.emissive = bool((self.emission > 0.0).any())
         """Whether any surface emits."""
-        self._wrappers = Wrappers([_bsdf(material) for material in materials])
+        self._wrappers = Wrappers([material.as_bsdf for material in materials])
         self.placed = self._wrappers.placed if self._wrappers.placed.any() else None
         leaves = self._wrappers.leaves
         self.lobes = np.zeros(len(leaves), np.int64)
@@ -202,10 +202,3 @@ class Materials:
             lanes = np.flatnonzero(model == number)
             if lanes.size:
                 yield found, lanes, member[lanes], at.take(lanes)
-
-
-def _bsdf(material: Material) -> Bsdf:
-    """The BSDF of a material, kd, ks and kt being one."""
-    if material.bsdf is not None:
-        return material.bsdf
-    return Mixture(material.kd, material.ks, material.kt, material.ior, material.fresnel)

@@ -14,7 +14,7 @@ from engines.numpy_reference.tilts import tilted
 from engines.numpy_reference.vectors import Array, Indices, Mask
 from engines.scene import Blend, Bsdf, Bump, Mixture, NormalMap, Sides, Texture, Wrapper
 from engines.scene import Mask as MaskWrapper
-from engines.scene.support import transmits
+from engines.scene.bsdf_tree import transmits
 
 _WRAPPERS: tuple[type, ...] = get_args(Wrapper)
 _TEXTURES: tuple[type, ...] = get_args(Texture)

@@ -1,1 +1,1 @@
-"""Renderers of others as engines, each an optional extra."""
+"""Renderers of others as engines (mitsuba, luxcore, cycles, open3d, external), and what they share (adapters, export)."""

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, is_dataclass
-from dataclasses import fields as fields_of
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 from engines.scene.models import (
@@ -22,7 +21,6 @@ from engines.scene.models import (
     ThinDielectric,
 )
 from engines.scene.textures import NAMED, ImageTexture, Number, Texture, named_texture
-from engines.scene.triple import BLACK
 from engines.schema.keys import Given, Key, Record
 from engines.schema.kinds import NUMBER
 from engines.schema.yaml_file import Located
@@ -80,11 +78,12 @@ def _wrapper(make: Callable[..., Wrapper]) -> Callable[[Given, Any], Wrapper]:
 
 def _extent(bsdf: Bsdf | None) -> tuple[int, int]:
     """How many wrappers and models a BSDF holds, and how many are around each other."""
-    inner = [_extent(each) for each in _inside(bsdf)]
+    inner = [_extent(each) for each in children(bsdf)]
     return 1 + sum(parts for parts, _ in inner), 1 + max((depth for _, depth in inner), default=-1)
 
 
-def _inside(bsdf: Bsdf | None) -> tuple[Bsdf | None, ...]:
+def children(bsdf: Bsdf | None) -> tuple[Bsdf | None, ...]:
+    """What a wrapper wraps, from left to right, None for a side without a BSDF; nothing of a BSDF that is no wrapper."""
     if isinstance(bsdf, Blend):
         return bsdf.a, bsdf.b
     if isinstance(bsdf, Sides):
@@ -199,53 +198,6 @@ _BY_SIDE = Record("One material on each side.", {"front": _SIDED, "back": _SIDED
 
 Wrapper = Mask | Blend | Bump | NormalMap | Sides
 Bsdf = Leaf | Wrapper
-
-
-def leaves(bsdf: Bsdf | None) -> Iterator[Bsdf]:
-    """The models of a BSDF below its wrappers, from left to right."""
-    if bsdf is not None and not isinstance(bsdf, Wrapper):
-        yield bsdf
-    for inner in _inside(bsdf):
-        yield from leaves(inner)
-
-
-def is_opaque(bsdf: Bsdf) -> bool:
-    """Whether no light is known to pass a BSDF: not so of a plugin, nor of any type that is none of ours."""
-    if isinstance(bsdf, Blend | Bump | NormalMap | Sides):
-        return all(inner is None or is_opaque(inner) for inner in _inside(bsdf))
-    if isinstance(bsdf, Mixture):
-        return bsdf.kt == BLACK
-    if isinstance(bsdf, Principled):
-        return bsdf.spec_trans == 0.0
-    return isinstance(bsdf, Diffuse | Conductor | Plastic)
-
-
-def textures(bsdf: Any) -> Iterator[Texture]:
-    """The textures of a BSDF and of its wrappers, each as often as it stands there."""
-    if isinstance(bsdf, Texture):
-        yield bsdf
-    elif isinstance(bsdf, tuple):
-        for part in bsdf:
-            yield from textures(part)
-    elif is_dataclass(bsdf) and not isinstance(bsdf, CustomBSDF):
-        for item in fields_of(bsdf):
-            yield from textures(getattr(bsdf, item.name))
-
-
-def is_textured(bsdf: Bsdf | None) -> bool:
-    """Whether any texture is in it."""
-    return next(textures(bsdf), None) is not None
-
-
-def uses_uvs(bsdf: Bsdf | None) -> bool:
-    """Whether light depends on texture coordinates: by a texture, or by an anisotropic model, whose tangent follows them."""
-    return is_textured(bsdf) or any(map(_anisotropic, leaves(bsdf)))
-
-
-def _anisotropic(leaf: Bsdf) -> bool:
-    if isinstance(leaf, Conductor | Dielectric):
-        return leaf.alpha[0] != leaf.alpha[1]
-    return isinstance(leaf, Principled) and leaf.anisotropic != 0.0
 
 
 MODELS = {**LEAVES, "mask": _MASK, "blend": _BLEND, "bump": _BUMP, "normal_map": _NORMAL_MAP, "by_side": _BY_SIDE}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from engines.scene.bsdf import MAX_DEPTH, Bsdf, Mixture
+from engines.scene.bsdf import MAX_DEPTH, Bsdf
 from engines.scene.files import Place
 from engines.scene.materials import MATERIAL, Material
 from engines.scene.textures import Images, Texture
@@ -48,7 +48,7 @@ class MaterialTable:
         self.depth -= 1
         if material.emits:
             raise node.refuse("emits: emission stands beside the outermost material")
-        return material.bsdf or Mixture(material.kd, material.ks, material.kt, material.ior, material.fresnel)
+        return material.as_bsdf
 
     def _named(self, name: str, node: Located, context: SceneReader) -> Material:
         if name in self.reading:

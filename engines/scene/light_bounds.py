@@ -16,7 +16,7 @@ from engines.scene.geometry import has_area
 from engines.scene.lights import CustomLight, DirectionalLight, EnvironmentLight, PointLight, SpotLight
 from engines.scene.mesh import Mesh
 from engines.scene.scene import Scene
-from engines.scene.shapes import Cylinder, Disk, Sphere, Triangle
+from engines.scene.shapes import Cylinder, Disk, Sphere, Triangle, as_mesh, as_spheres
 from engines.scene.sphere_set import SphereSet
 
 Array = NDArray[np.float64]
@@ -125,12 +125,9 @@ def _exitance(material: Any) -> float:
     return math.pi * _mean(material.mean_emission) * (2.0 if material.two_sided else 1.0)
 
 
-def _triangle(shape: Triangle, materials: Any) -> Iterator[LightBounds]:
-    corners = np.array([shape.a, shape.b, shape.c], np.float64)
-    return _mesh(Mesh(corners, np.array([[0, 1, 2]], np.int32), np.array([shape.material], np.int32)), materials)
-
-
-def _mesh(shape: Mesh, materials: Any) -> Iterator[LightBounds]:
+def _mesh(given: Triangle | Mesh, materials: Any) -> Iterator[LightBounds]:
+    shape = as_mesh(given)
+    assert shape is not None
     emitting = np.flatnonzero(np.array([m.emits for m in materials], bool)[shape.materials])
     emitting = emitting[has_area(shape.vertices, shape.faces[emitting])]
     corners = shape.vertices[shape.faces[emitting]]
@@ -145,11 +142,9 @@ def _mesh(shape: Mesh, materials: Any) -> Iterator[LightBounds]:
     yield LightBounds(power, np.stack([corners.min(axis=(0, 1)), corners.max(axis=(0, 1))]), axis, spread)
 
 
-def _sphere(shape: Sphere, materials: Any) -> Iterator[LightBounds]:
-    return _spheres(SphereSet(np.array([shape.center]), np.array([shape.radius]), shape.material), materials)
-
-
-def _spheres(shape: SphereSet, materials: Any) -> Iterator[LightBounds]:
+def _spheres(given: Sphere | SphereSet, materials: Any) -> Iterator[LightBounds]:
+    shape = as_spheres(given)
+    assert shape is not None
     if materials[shape.material].emits:
         exitance = _exitance(materials[shape.material])
         for center, radius in zip(shape.centers, shape.radii, strict=True):
@@ -172,9 +167,9 @@ def _cylinder(shape: Cylinder, materials: Any) -> Iterator[LightBounds]:
 
 
 _SHAPES: dict[type, Callable[[Any, Any], Iterator[LightBounds]]] = {
-    Triangle: _triangle,
+    Triangle: _mesh,
     Mesh: _mesh,
-    Sphere: _sphere,
+    Sphere: _spheres,
     SphereSet: _spheres,
     Disk: _disk,
     Cylinder: _cylinder,

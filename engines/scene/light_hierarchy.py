@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from engines.scene.bsdf_tree import transmits
 from engines.scene.light_bounds import LightBounds, bounding_cone, light_bounds
 from engines.scene.scene import Scene
-from engines.scene.support import transmits
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -77,7 +77,7 @@ def light_hierarchy(scene: Scene) -> LightHierarchy:
 
 def lit_through(scene: Scene) -> bool:
     """Whether some BSDF transmits, so that light from behind a surface may count."""
-    return any(max(m.kt) > 0.0 or (m.bsdf is not None and transmits(m.bsdf)) for m in scene.materials)
+    return any(transmits(material.as_bsdf) for material in scene.materials)
 
 
 def _arrays(bounds: list[LightBounds]) -> _Lights:

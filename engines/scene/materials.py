@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from engines.scene.bsdf import MODELS, Bsdf, Mixture, Sides, is_opaque, uses_uvs
+from engines.scene.bsdf import MODELS, Bsdf, Mixture, Sides
+from engines.scene.bsdf_tree import is_opaque, uses_uvs
 from engines.scene.textures import Color, Texture, largest, mean_color, textured_color
 from engines.scene.triple import BLACK, Triple
 from engines.schema.keys import Given, Key, Record
@@ -38,6 +39,11 @@ class Material:
     bsdf: Bsdf | None = None
 
     @property
+    def as_bsdf(self) -> Bsdf:
+        """The BSDF as a whole: `bsdf`, or the `Mixture` of kd, ks and kt where there is none."""
+        return self.bsdf or Mixture(self.kd, self.ks, self.kt, self.ior, self.fresnel)
+
+    @property
     def energy(self) -> Triple:
         """The share of light that kd, ks and kt return at most, a channel."""
         r, g, b = (d + (max(s, t) if self.fresnel else s + t) for d, s, t in zip(self.kd, self.ks, self.kt, strict=True))
@@ -55,7 +61,7 @@ class Material:
 
     @property
     def uses_uvs(self) -> bool:
-        """Whether light depends on texture coordinates: by its emission or its BSDF (`engines.scene.bsdf.uses_uvs`)."""
+        """Whether light depends on texture coordinates: by its emission or its BSDF (`engines.scene.bsdf_tree.uses_uvs`)."""
         return isinstance(self.emission, Texture) or uses_uvs(self.bsdf)
 
 

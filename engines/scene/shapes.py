@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene.bsdf import is_textured
+from engines.scene.bsdf_tree import is_textured
 from engines.scene.context import SceneReader
 from engines.scene.geometry import has_area
 from engines.scene.mesh import MESH, Mesh
@@ -163,6 +163,23 @@ _SPHERES = Record(
 )
 
 Shape = Plane | Sphere | Disk | Cylinder | Triangle | Mesh | SphereSet
+
+
+def as_mesh(shape: Shape) -> Mesh | None:
+    """A mesh, or the one of one face that a triangle is; None of other shapes."""
+    if isinstance(shape, Triangle):
+        corners = np.array([shape.a, shape.b, shape.c], np.float64)
+        return Mesh(corners, np.array([[0, 1, 2]], np.int32), np.array([shape.material], np.int32))
+    return shape if isinstance(shape, Mesh) else None
+
+
+def as_spheres(shape: Shape) -> SphereSet | None:
+    """A set of spheres, or that of one sphere; None of other shapes."""
+    if isinstance(shape, Sphere):
+        return SphereSet(np.array([shape.center], np.float64), np.array([shape.radius], np.float64), shape.material)
+    return shape if isinstance(shape, SphereSet) else None
+
+
 SHAPES = Variants(
     "shape",
     {
@@ -211,20 +228,16 @@ class ShapeKind:
 
 def check_area(node: Located, shape: Shape, context: SceneReader) -> None:
     """Counts degenerate triangles, and refuses an emitting material where they are all there is."""
-    if isinstance(shape, Triangle):
-        vertices, faces = np.array([shape.a, shape.b, shape.c]), np.array([[0, 1, 2]], np.int32)
-        materials = np.array([shape.material], np.int32)
-    elif isinstance(shape, Mesh):
-        vertices, faces, materials = shape.vertices, shape.faces, shape.materials
-    else:
+    mesh = as_mesh(shape)
+    if mesh is None:
         return
-    area = has_area(vertices, faces)
+    area = has_area(mesh.vertices, mesh.faces)
     context.degenerate += int((~area).sum())
     known = context.table.materials
-    emitting = [index for index in np.unique(materials).tolist() if known[index].emits]
-    emits = np.isin(materials, emitting)
+    emitting = [index for index in np.unique(mesh.materials).tolist() if known[index].emits]
+    emits = np.isin(mesh.materials, emitting)
     if emitting and not (emits & area).any():
-        name = known[int(materials[emits][0])].name
+        name = known[int(mesh.materials[emits][0])].name
         raise node.refuse(f"material {name!r} emits, but the shape has no area")
 
 

@@ -8,23 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from engines.scene.bsdf import (
-    Blend,
-    Bsdf,
-    Bump,
-    CustomBSDF,
-    Mask,
-    Mixture,
-    NormalMap,
-    Null,
-    Sides,
-    ThinDielectric,
-    Wrapper,
-    is_opaque,
-)
+from engines.scene.bsdf import CustomBSDF
+from engines.scene.bsdf_tree import leaves, members
 from engines.scene.cameras import CustomCamera
 from engines.scene.lights import CustomLight
-from engines.scene.materials import Material
 from engines.scene.scene import Scene
 
 
@@ -61,7 +48,7 @@ def _parts(scene: Scene) -> Iterator[tuple[str, str, Any]]:
         where = f"material {material.name!r}: "
         if not isinstance(material.emission, tuple):
             yield where, "texture", material.emission
-        for part in members(model_of(material)):
+        for part in members(material.as_bsdf):
             yield where, "BSDF", part
             yield from ((where, "texture", value) for value in _textures(part))
 
@@ -82,68 +69,6 @@ def plugins(scene: Scene) -> list[tuple[str, Any]]:
     parts = [("camera", scene.camera), *(("light", light) for light in scene.lights)]
     parts += [("BSDF", bsdf) for material in scene.materials for bsdf in leaves(material.bsdf)]
     return [(what, part.plugin) for what, part in parts if isinstance(part, CustomCamera | CustomLight | CustomBSDF)]
-
-
-def model_of(material: Material) -> Bsdf:
-    """The material's BSDF, that of kd, ks and kt included."""
-    if material.bsdf is not None:
-        return material.bsdf
-    return Mixture(material.kd, material.ks, material.kt, material.ior, material.fresnel)
-
-
-def members(bsdf: Bsdf) -> Iterator[Bsdf]:
-    """A BSDF and all that it is made of, from the outside in; sides without one are left out."""
-    yield bsdf
-    inner = (getattr(bsdf, name, None) for name in ("of", "a", "b", "front", "back"))
-    for part in inner if isinstance(bsdf, Wrapper) else ():
-        if part is not None:
-            yield from members(part)
-
-
-def has_null_lobes(material: Material) -> bool:
-    """Whether rays may pass the material as if it were not there: by null, a mask or a thin dielectric (docs/transport.md)."""
-    return _has_null_lobes(model_of(material))
-
-
-def tilts_null_lobes(material: Material) -> bool:
-    """Whether a bump or normal map lies around a null, a mask or a thin dielectric."""
-    return any(_has_null_lobes(part.of) for part in members(model_of(material)) if isinstance(part, Bump | NormalMap))
-
-
-def _has_null_lobes(bsdf: Bsdf) -> bool:
-    return any(isinstance(part, Mask | Null | ThinDielectric) for part in members(bsdf))
-
-
-def transmits(bsdf: Bsdf) -> bool:
-    """Whether a model to which wrappers lead lets light through, whatever its textures say; masks are no models."""
-    return any(leaf is not None and _transmits(leaf) for leaf in leaves(bsdf))
-
-
-def _transmits(leaf: Bsdf) -> bool:
-    if isinstance(leaf, CustomBSDF):
-        return any(getattr(leaf.plugin, name, False) for name in ("transmission", "specular_transmission"))
-    return not is_opaque(leaf)
-
-
-def leaves(bsdf: Bsdf | None) -> list[Bsdf | None]:
-    """Where wrappers lead, each BSDF once: a BSDF that is no wrapper leads to itself, a side without one to None."""
-    found: dict[int, Bsdf | None] = {}
-    waiting, seen = [bsdf], set[int]()
-    while waiting:
-        bsdf = waiting.pop()
-        if id(bsdf) in seen:
-            continue
-        seen.add(id(bsdf))
-        match bsdf:
-            case Sides(front, back):
-                waiting += [back, front]
-            case Blend(_, a, b):
-                waiting += [b, a]
-            case Mask(of=of) | Bump(of=of) | NormalMap(of=of):
-                waiting.append(of)
-            case _:
-                found[id(bsdf)] = bsdf
-    return list(found.values())
 
 
 def plugin_without(scene: Scene, half: str) -> str | None:

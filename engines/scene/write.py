@@ -15,13 +15,15 @@ from numpy.typing import NDArray
 
 from engines.errors import ConfigError
 from engines.image import decoded_srgb, write_channels, write_image
-from engines.scene.bsdf import Blend, Bsdf, Bump, Mask, NormalMap, Sides, is_opaque
+from engines.scene.bsdf import Blend, Bsdf, Bump, Mask, NormalMap, Sides
+from engines.scene.bsdf_tree import is_opaque
 from engines.scene.cameras import Camera, Orthographic, Perspective, PerspectiveArctan, ThinLens
-from engines.scene.formats.ply import ply_bytes
+from engines.scene.formats.ply import write_ply
+from engines.scene.leaf_fields import LEAF_PLUGINS
 from engines.scene.lights import DirectionalLight, EnvironmentLight, Light, PointLight, SpotLight
 from engines.scene.materials import Material
 from engines.scene.mesh import Mesh
-from engines.scene.models import Conductor, Dielectric, Diffuse, Mixture, Null, Plastic, Principled, ThinDielectric
+from engines.scene.models import Mixture
 from engines.scene.scene import FORMAT, Scene
 from engines.scene.shapes import Cylinder, Disk, Plane, Shape, Sphere, Triangle
 from engines.scene.sphere_set import SphereSet
@@ -127,7 +129,20 @@ class _Writer:
             if bsdf.back is None and front and bsdf.front and "sides" not in front and is_opaque(bsdf.front):
                 return {**front, "sides": "front"}
             return {"by_side": {side: self.bsdf(part) for side in ("front", "back") if (part := getattr(bsdf, side))}}
-        return _BSDFS[type(bsdf)](self, bsdf)
+        if type(bsdf) in LEAF_PLUGINS:
+            return self.leaf(bsdf)
+        return _WRAPPERS[type(bsdf)](self, bsdf)
+
+    def leaf(self, leaf: Any) -> Keys:
+        plugin, keys = LEAF_PLUGINS[type(leaf)], {}
+        for item in fields(leaf):
+            value = getattr(leaf, item.name)
+            if item.name == "alpha" and isinstance(value, tuple):
+                first, second = map(self.value, value)
+                keys["alpha"] = first if value[0] == value[1] else [first, second]
+            else:
+                keys[plugin.key_of(item.name)] = self.value(value)
+        return {plugin.key: keys}
 
     def value(self, value: Any) -> Any:
         """A number, a colour, or the name of a texture."""
@@ -173,7 +188,7 @@ class _Writer:
         used, place = np.unique(mesh.materials, return_inverse=True)
         path = self.path(MESHES, mesh.name, ".ply")
         several = place.astype(np.int32) if len(used) > 1 else None
-        (self.root / path).write_bytes(ply_bytes(mesh.vertices, mesh.faces, mesh.normals, mesh.uvs, several))
+        write_ply(self.root / path, mesh.vertices, mesh.faces, mesh.normals, mesh.uvs, several, exact=True)
         material = [names[index] for index in used]
         smooth = {} if mesh.normals is None else {"smooth": True}
         return {"mesh": {"file": path, **smooth}, "material": material if several is not None else material[0]}
@@ -228,24 +243,6 @@ def _camera(camera: Camera) -> Keys:
     return {"type": _CAMERAS[type(camera)], **keys}
 
 
-def _model(name: str, renamed: dict[str, str]) -> Callable[[_Writer, Any], Keys]:
-    """Writes a model whose keys are its fields, but for those that are renamed."""
-
-    def write(writer: _Writer, model: Any) -> Keys:
-        keys = {}
-        for item in fields(model):
-            value = getattr(model, item.name)
-            if item.name == "alpha" and isinstance(value, tuple):
-                first, second = map(writer.value, value)
-                written = first if value[0] == value[1] else [first, second]
-            else:
-                written = writer.value(value)
-            keys[renamed.get(item.name, item.name)] = written
-        return {name: keys}
-
-    return write
-
-
 def _wrapper(name: str) -> Callable[[_Writer, Any], Keys]:
     def write(writer: _Writer, wrapper: Any) -> Keys:
         parts = {item.name: getattr(wrapper, item.name) for item in fields(wrapper)}
@@ -255,15 +252,7 @@ def _wrapper(name: str) -> Callable[[_Writer, Any], Keys]:
     return write
 
 
-_FACTORS = {"reflectance": "specular_reflectance", "transmittance": "specular_transmittance"}
-_BSDFS: dict[type, Callable[[_Writer, Any], Keys]] = {
-    Diffuse: _model("diffuse", {}),
-    Conductor: _model("conductor", _FACTORS),
-    Dielectric: _model("dielectric", _FACTORS),
-    ThinDielectric: _model("thin_dielectric", _FACTORS),
-    Plastic: _model("plastic", _FACTORS),
-    Principled: _model("principled", {}),
-    Null: _model("null", {}),
+_WRAPPERS: dict[type, Callable[[_Writer, Any], Keys]] = {
     Mask: _wrapper("mask"),
     Blend: _wrapper("blend"),
     Bump: _wrapper("bump"),
@@ -281,7 +270,8 @@ KNOWN: frozenset[type] = frozenset(
         DirectionalLight,
         SpotLight,
         EnvironmentLight,
-        *_BSDFS,
+        *LEAF_PLUGINS,
+        *_WRAPPERS,
         Mixture,
         Sides,
         ImageTexture,

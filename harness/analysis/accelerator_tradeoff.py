@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from harness.analysis.comparisons import comparisons
 from harness.analysis.model import Analysis, seconds_per_sample
 from harness.analysis.races import race_of
 from harness.analysis.scaling import microseconds_a_path
@@ -29,16 +30,13 @@ class BreakEven(NamedTuple):
 
 def families(results: Results) -> list[list[Contestant]]:
     """Measured contestants that differ in the accelerator alone, two or more, the quickest build first."""
-    groups: dict[object, list[Contestant]] = {}
-    for contestant in results.contestants:
-        if not contestant.settings.label and seconds_per_sample(contestant):
-            groups.setdefault(contestant.settings._replace(accelerator=""), []).append(contestant)
-    return [sorted(group, key=lambda c: build(c).value) for group in groups.values() if len(group) > 1]
+    timed = [c for c in results.contestants if not c.settings.label and seconds_per_sample(c)]
+    return [sorted(group, key=lambda c: build(c).value) for group in comparisons(timed, "accelerator") if len(group) > 1]
 
 
 def build_seconds(contestant: Contestant) -> dict[int, float]:
     """Block -> seconds of the build."""
-    return {cell["block"]: phase_seconds(cell, "build") for cell in contestant.done}
+    return {cell.block: phase_seconds(cell, "build") for cell in contestant.done}
 
 
 def build(contestant: Contestant) -> Estimate:

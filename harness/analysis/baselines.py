@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+from engines.choices import Choice
+from harness.analysis.comparisons import unlabelled
 from harness.analysis.equivalence import similarity
 from harness.config.experiment import PREFERRED_BASELINES
 from harness.store.results import Contestant, Results
@@ -29,8 +31,7 @@ class Baseline(NamedTuple):
 def engine_order(results: Results) -> list[str]:
     """Engines that were measured, the baseline first: the config's, numpy, numba, embree, others by name."""
     engines = sorted({c.settings.engine for c in results.contestants if c.done})
-    wished = (results.manifest.get("config") or {}).get("baseline")
-    return list(dict.fromkeys(name for name in (wished, *PREFERRED_BASELINES, *engines) if name in engines))
+    return list(dict.fromkeys(name for name in (results.config.baseline, *PREFERRED_BASELINES, *engines) if name in engines))
 
 
 def nearest_of_engine(contestant: Contestant, group: Iterable[Contestant], engine: str) -> Contestant | None:
@@ -44,12 +45,10 @@ def race_baseline(group: Iterable[Contestant], results: Results) -> Contestant |
     config writes them, of every axis."""
     order = engine_order(results)
     racing = [c for c in group if not c.settings.label]
-    written = (results.manifest.get("config") or {}).get("combinations") or []
-    axes = {key: [one.get(key) for one in written if isinstance(one, Mapping)] for key in FACTORS if key != "engine"}
+    axes = {key: [getattr(one, key) for one in results.config.combinations] for key in FACTORS if key != "engine"}
 
     def place(one: Contestant) -> tuple[int, ...]:
-        cell = one.cells[0]
-        return order.index(one.settings.engine), *(_first(cell.get(key), values) for key, values in axes.items())
+        return order.index(one.settings.engine), *(_first(getattr(one.settings, key), values) for key, values in axes.items())
 
     return min(racing, key=place, default=None)
 
@@ -59,8 +58,8 @@ def _first(value: Any, written: Sequence[Any]) -> int:
     among others, and a written nothing every value."""
 
     def stands_for(one: Any) -> bool:
-        if isinstance(one, Mapping) and isinstance(value, Mapping):
-            return all(value.get(key) == option for key, option in one.items())
+        if isinstance(one, Mapping) and isinstance(value, Choice):
+            return one.items() <= value.describe().items()
         return one is None or one == value
 
     return next((place for place, one in enumerate(written) if stands_for(one)), len(written))
@@ -75,7 +74,7 @@ def baseline_of(contestant: Contestant, group: Sequence[Contestant], results: Re
     baseline engine, with the baseline of the race, whatever is between the two.
     """
     if contestant.settings.label:
-        same = [c for c in group if c.settings == contestant.settings._replace(label="")]
+        same = [c for c in group if c.settings == unlabelled(contestant.settings)]
         return Baseline(same[0], AA) if same else None
     racing = [c for c in group if not c.settings.label and c is not contestant]
     named = _named(contestant, racing, results)
@@ -100,12 +99,12 @@ def factors(one: Contestant, other: Contestant, group: Iterable[Contestant]) -> 
     """The names of the factors in which two differ. `auto` of two engines is one setting, whatever options each has for it."""
     found = [factor for factor in FACTORS if getattr(one.settings, factor) != getattr(other.settings, factor)]
     if "engine" in found and "accelerator" in found:
-        if _name(one.settings.accelerator) == _name(other.settings.accelerator) == "auto":
+        if one.settings.accelerator.name == other.settings.accelerator.name == "auto":
             found.remove("accelerator")
             return found
         theirs: dict[str, set[str]] = {one.settings.engine: set(), other.settings.engine: set()}
         for contestant in group:
-            theirs.setdefault(contestant.settings.engine, set()).add(_name(contestant.settings.accelerator))
+            theirs.setdefault(contestant.settings.engine, set()).add(contestant.settings.accelerator.name)
         if not theirs[one.settings.engine] & theirs[other.settings.engine]:
             found.remove("accelerator")
     return found
@@ -113,24 +112,18 @@ def factors(one: Contestant, other: Contestant, group: Iterable[Contestant]) -> 
 
 def _named(contestant: Contestant, racing: Sequence[Contestant], results: Results) -> Contestant | None:
     """The nearest of those that the config's first pair of this contestant names."""
-    pairs = (results.manifest.get("config") or {}).get("pairs") or []
-    for pair in pairs if isinstance(pairs, list) else []:
-        wanted: Mapping[str, Any] = pair if isinstance(pair, Mapping) else {}
-        found = [c for c in racing if _matches(wanted.get("baseline"), c)]
-        if found and _matches(wanted.get("contestant"), contestant):
+    for pair in results.config.pairs:
+        found = [c for c in racing if _matches(pair.baseline, c)]
+        if found and _matches(pair.contestant, contestant):
             return max(found, key=lambda c: similarity(contestant, c))
     return None
 
 
-def _matches(wanted: Any, contestant: Contestant) -> bool:
+def _matches(side: Mapping[str, str | int], contestant: Contestant) -> bool:
     """Whether a contestant has the settings of one side of a pair; choices are named without their options."""
-    settings = contestant.settings._asdict()
-    return (
-        isinstance(wanted, Mapping)
-        and bool(wanted)
-        and all(_name(str(settings.get(key))) == _name(str(value)) for key, value in wanted.items())
-    )
 
+    def plain(key: str) -> Any:
+        value = getattr(contestant.settings, key, None)
+        return value.name if isinstance(value, Choice) else value
 
-def _name(choice: str) -> str:
-    return choice.partition("(")[0]
+    return bool(side) and all(plain(key) == value for key, value in side.items())

@@ -3,25 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from harness.analysis.model import Analysis, Verdict, raced_together
 from harness.analysis.races import clock_steps, margin, times_found
-from harness.statistics.calibration import (
-    BIASED_IMAGE,
-    BIASED_TILE,
-    BiasFigures,
-    RaceFigures,
-    RaceNoise,
-    bias_figures,
-    race_figures,
-    scaled_residuals,
-)
+from harness.statistics.calibration import BIASED_IMAGE, BIASED_TILE, RaceNoise, bias_figures, race_figures, scaled_residuals
+from harness.store.records import Calibration
 
-EVENT = "calibration"
 REPETITIONS = 1000
 OF_REPORTS = 200
 """Repetitions of what a report computes about images: nothing is demanded of those figures."""
@@ -30,25 +21,6 @@ MOST_FALSE_WINNERS, LEAST_COVERAGE = 0.065, 0.93
 """What must hold: 5 % and 95 %, with what 1,000 repetitions leave open."""
 NO_RACES = "no race has two contestants that were timed in each of three or more blocks"
 NO_IMAGES = "no contestant has two or more images, of different seeds, beside a reference"
-
-
-class Calibration(NamedTuple):
-    """`races` and `bias` are None where the run is too small for them. They rest on `race_count` races and `image_count`
-    contestants, `repetitions` and `image_repetitions` times in all."""
-
-    races: RaceFigures | None
-    bias: BiasFigures | None
-    race_count: int
-    image_count: int
-    repetitions: int
-    image_repetitions: int
-    without_twins: int
-    """Races that have no A/A twins."""
-
-    @property
-    def missed(self) -> list[str]:
-        """What must hold and does not."""
-        return [figure.name for figure in figures(self) if figure.holds is False]
 
 
 class Figure(NamedTuple):
@@ -64,15 +36,26 @@ def calibrate(analysis: Analysis, image_repetitions: int = REPETITIONS) -> Calib
     """Seeded: the same results give the same figures. An archive keeps those of the run that it is a copy of."""
     archived = analysis.results.calibration
     if archived is not None:
-        return from_record(archived)
+        return archived
     noises = list(_noises(analysis))
     samples = [verdict.radiance for verdict in analysis.verdicts if verdict.radiance and not verdict.contestant.settings.label]
     times, images = (np.random.default_rng([SEED, part]) for part in range(2))
     races = race_figures(noises, REPETITIONS, times, margin(analysis.results)) if noises else None
     bias = bias_figures(samples, image_repetitions, images) if samples else None
     return Calibration(
-        races, bias, len(noises), len(samples), REPETITIONS, image_repetitions, sum(not noise.twins for noise in noises)
+        races=races,
+        bias=bias,
+        race_count=len(noises),
+        image_count=len(samples),
+        repetitions=REPETITIONS,
+        image_repetitions=image_repetitions,
+        without_twins=sum(not noise.twins for noise in noises),
     )
+
+
+def missed(found: Calibration) -> list[str]:
+    """What must hold and does not."""
+    return [figure.name for figure in figures(found) if figure.holds is False]
 
 
 def _noises(analysis: Analysis) -> Iterator[RaceNoise]:
@@ -147,19 +130,3 @@ def percent(share: float) -> str:
     if math.isinf(share):
         return "more than 100 %"
     return f"{100 * share:.3g} %"
-
-
-def as_record(found: Calibration) -> dict[str, Any]:
-    """The event that archives keep."""
-    races = None if found.races is None else {**found.races._asdict(), "power": list(found.races.power)}
-    bias = None if found.bias is None else found.bias._asdict()
-    return {"event": EVENT, **found._asdict(), "races": races, "bias": bias}
-
-
-def from_record(record: Mapping[str, Any]) -> Calibration:
-    races, bias = record["races"], record["bias"]
-    return Calibration(
-        RaceFigures(races["false_winners"], races["coverage"], tuple(races["power"])) if races else None,
-        BiasFigures(**bias) if bias else None,
-        *(record[key] for key in ("race_count", "image_count", "repetitions", "image_repetitions", "without_twins")),
-    )

@@ -11,7 +11,8 @@ from itertools import combinations
 
 from harness.statistics import BiasEstimate, mean_interval
 from harness.statistics.bias import ROUNDED
-from harness.store.results import Contestant, Event
+from harness.store.records import Machine, Point
+from harness.store.results import Contestant
 
 CORRELATED_Z = 5.0
 """Standard errors by which products of differences from the two halves of a reference are negative, if noise is shared."""
@@ -47,24 +48,24 @@ def seed_flags(contestant: Contestant) -> dict[str, bool]:
     return {"ignores_seed": bool(equal) and all(equal), "stale_image": any(equal) and not all(equal)}
 
 
-def _same_samples(contestant: Contestant) -> Iterator[tuple[Event, Event]]:
+def _same_samples(contestant: Contestant) -> Iterator[tuple[Point, Point]]:
     """Checkpoints of two cells, of different seeds, at the same samples, where the reference has noise."""
     for one, other in combinations(contestant.done, 2):
-        theirs = {point["spp"]: point for point in other["points"]}
-        for point in one["points"]:
-            if one["seed"] != other["seed"] and point["spp"] in theirs and _noisy(point):
-                yield point, theirs[point["spp"]]
+        theirs = {point.spp: point for point in other.points}
+        for point in one.points:
+            if one.seed != other.seed and point.spp in theirs and _noisy(point):
+                yield point, theirs[point.spp]
 
 
-def _noisy(point: Event) -> bool:
+def _noisy(point: Point) -> bool:
     """Whether the reference has noise above rounding: by its variance the correction lowers the mean squared error."""
     names = ("mse", "mse_corrected", "mean_r", "mean_g", "mean_b")
-    error, corrected, *means = (point["metrics"].get(name) or 0.0 for name in names)
+    error, corrected, *means = (point.metrics.get(name) or 0.0 for name in names)
     return error - corrected > (ROUNDED * max(means)) ** 2
 
 
-def _fingerprint(point: Event) -> tuple[float | None, ...]:
-    return tuple(value for _, value in sorted(point["metrics"].items()))
+def _fingerprint(point: Point) -> tuple[float | None, ...]:
+    return tuple(value for _, value in sorted(point.metrics.items()))
 
 
 def copies_reference(contestant: Contestant, bias: BiasEstimate | None) -> bool:
@@ -76,8 +77,8 @@ def copies_reference(contestant: Contestant, bias: BiasEstimate | None) -> bool:
     """
     if bias is not None and bias.squared < -CORRELATED_Z * bias.se:
         return True
-    ends = [cell["points"][-1] for cell in contestant.done]
-    errors = [tuple(end["metrics"].get(name) for name in ("mse_corrected", "mse_se")) for end in ends if _noisy(end)]
+    ends = [cell.end for cell in contestant.done]
+    errors = [tuple(end.metrics.get(name) for name in ("mse_corrected", "mse_se")) for end in ends if _noisy(end)]
     known = [(error, se) for error, se in errors if error is not None and se is not None]
     return bool(known) and all(error < -CORRELATED_Z * se for error, se in known)
 
@@ -89,15 +90,15 @@ def has_fewer_samples(contestant: Contestant) -> bool:
     independent samples is its `film_variance`. For points that depend on each other nothing is expected: few Halton points may
     err more than independent ones.
     """
-    if not all(cell.get("smooth_sampler") for cell in contestant.done):
+    if not all(cell.smooth_sampler for cell in contestant.done):
         return False
     logs = []
     for cell in contestant.done:
-        point = next((p for p in cell["points"] if p["spp"] >= FEWEST_SAMPLES and p.get("film_variance") is not None), None)
-        error = (point["metrics"].get("mse_corrected") if point else None) or 0.0
-        if point is None or not 0 < error < math.inf:
+        varied = [(p.film_variance, p) for p in cell.points if p.spp >= FEWEST_SAMPLES and p.film_variance is not None]
+        variance, error = (varied[0][0], varied[0][1].metrics.get("mse_corrected")) if varied else (0.0, None)
+        if error is None or not 0 < error < math.inf:
             return False
-        logs.append(math.log(error / point["film_variance"]) if point["film_variance"] > 0 else math.inf)
+        logs.append(math.log(error / variance) if variance > 0 else math.inf)
     if len(logs) > 1 and all(math.isinf(value) for value in logs):
         return not any(seed_flags(contestant).values())
     return bool(mean_interval(logs, 0.99).low > math.log(NOISIER))
@@ -110,21 +111,20 @@ def uses_more_threads(contestant: Contestant) -> bool:
     """
     runnable, most = 0.0, OFF_CLOCK_SECONDS
     for machine, threads in _machines(contestant):
-        runnable += (machine.get("cpu_seconds") or 0.0) + (machine.get("run_queue_seconds") or 0.0)
-        most += (machine.get("timed_seconds") or 0.0) * (threads + max(MORE_THREADS * threads, LEAST_MORE))
+        runnable += (machine.cpu_seconds or 0.0) + (machine.run_queue_seconds or 0.0)
+        most += (machine.timed_seconds or 0.0) * (threads + max(MORE_THREADS * threads, LEAST_MORE))
     return runnable > most
 
 
 def works_between_calls(contestant: Contestant) -> bool:
     """Whether threads of the engine used a processor when nothing was asked of them, in every cell."""
     found = [
-        (machine.get("off_clock_cpu_seconds") or 0.0)
-        > max(OFF_CLOCK_SHARE * (machine.get("cpu_seconds") or 0.0), OFF_CLOCK_SECONDS)
+        (machine.off_clock_cpu_seconds or 0.0) > max(OFF_CLOCK_SHARE * (machine.cpu_seconds or 0.0), OFF_CLOCK_SECONDS)
         for machine, _ in _machines(contestant)
     ]
     return bool(found) and all(found)
 
 
-def _machines(contestant: Contestant) -> Iterator[tuple[Event, int]]:
+def _machines(contestant: Contestant) -> Iterator[tuple[Machine, int]]:
     for cell in contestant.done:
-        yield cell.get("machine") or {}, cell["threads"]
+        yield cell.machine, cell.threads

@@ -9,7 +9,7 @@ is taken, whatever it finds.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import combinations
 from typing import NamedTuple
 
@@ -19,7 +19,8 @@ from harness.metrics import Reference
 from harness.statistics import Equivalence, equivalence
 from harness.statistics.bias import expected_variance
 from harness.statistics.equivalence import Margins, shared_alpha
-from harness.store.results import Contestant, Event, Results, Settings
+from harness.store.records import Cell, Point, Settings
+from harness.store.results import Contestant, Results
 
 SIMILARITY_WEIGHTS = {"sampler": 16, "threads": 8, "accelerator": 4, "precision": 2, "label": 1}
 """What counts how much when the nearest relative among another engine's contestants is looked for."""
@@ -57,7 +58,7 @@ class Replicates:
 
     def reference(self, contestant: Contestant) -> Reference | None:
         """The reference that a contestant was compared with; None where it is missing."""
-        key = str(contestant.done[0].get("reference_id"))
+        key = str(contestant.done[0].reference_id)
         if key not in self.references:
             self.references = {key: self.results.reference(key)}
         return self.references[key]
@@ -74,16 +75,21 @@ class Replicates:
         return self.held[key]
 
     def _load(self, contestant: Contestant, spp: int | None) -> Images:
-        found = {cell["block"]: self.results.image(last_pictured(cell, spp)) for cell in contestant.done}
+        found = {cell.block: self.results.image(last_pictured(cell, spp)) for cell in contestant.done}
         images = {block: image for block, image in found.items() if image is not None and np.isfinite(image).all()}
         stack = list(images.values())
         alike = len(stack) > 1 and all(image.shape == stack[0].shape for image in stack)
         return images if alike and not np.array_equal(stack[0], stack[1]) else {}
 
 
-def last_pictured(cell: Event, spp: int | None = None) -> Event:
-    """The last checkpoint whose image was kept, or the one at `spp`; an empty one if there is none."""
-    return next((p for p in reversed(cell["points"]) if p.get("image") and spp in (None, p["spp"])), {})
+def last_pictured(cell: Cell, spp: int | None = None) -> Point | None:
+    """The last checkpoint whose image was kept, or the one at `spp`; None if there is none."""
+    return next((point for point in reversed(cell.points) if point.image and spp in (None, point.spp)), None)
+
+
+def pictured_spp(cells: Iterable[Cell], spp: int | None = None) -> list[int]:
+    """The samples of `last_pictured` of each cell that has one."""
+    return [point.spp for cell in cells if (point := last_pictured(cell, spp)) is not None]
 
 
 def common_spp(*contestants: Contestant, pictured: bool = False) -> int | None:
@@ -94,7 +100,7 @@ def common_spp(*contestants: Contestant, pictured: bool = False) -> int | None:
 def shared_spp(*contestants: Contestant, pictured: bool = False) -> set[int]:
     """The samples at which every done cell of all of them has a checkpoint (and its image)."""
     sets = [
-        {point["spp"] for point in cell["points"] if point.get("image") or not pictured}
+        {point.spp for point in cell.points if point.image or not pictured}
         for contestant in contestants
         for cell in contestant.done
     ]
@@ -102,9 +108,9 @@ def shared_spp(*contestants: Contestant, pictured: bool = False) -> set[int]:
 
 
 def margins_of(results: Results) -> Margins:
-    """The margins of the config; the defaults where it has none."""
-    given = (results.manifest.get("config") or {}).get("equivalence") or {}
-    return Margins(**{name: float(given[name]) for name in Margins._fields if given.get(name) is not None})
+    """The margins of the config."""
+    given = results.config.equivalence
+    return Margins(given.image, given.tile)
 
 
 def compared(first: Contestant, second: Contestant, images: Replicates, alpha: float) -> Comparison | None:
@@ -121,7 +127,7 @@ def _compared(first: Contestant, second: Contestant, images: Replicates, alpha: 
     a, b = [ours[block] for block in shared], [theirs[block] for block in shared]
     if len(shared) < 2 or a[0].shape != b[0].shape:
         return None
-    samples = [[last_pictured(cell, spp)["spp"] for cell in each.done if cell["block"] in shared] for each in (first, second)]
+    samples = [pictured_spp([cell for cell in each.done if cell.block in shared], spp) for each in (first, second)]
     paired = samples[0] == samples[1]
     least = None if paired else _least_variance(images.reference(first), a[0].shape, samples)
     found = equivalence(a, b, margins_of(images.results), alpha, least)
@@ -144,7 +150,7 @@ def engine_pairs(results: Results, images: Replicates, known: Known) -> list[Eng
 
     `known` has what was concluded before the images were given up.
     """
-    groups: dict[tuple[str, ...], list[Contestant]] = {}
+    groups: dict[object, list[Contestant]] = {}
     for contestant in results.contestants:
         s = contestant.settings
         if contestant.done and not s.label:
@@ -177,8 +183,6 @@ def rests_on(comparison: Comparison) -> str:
 
 def describe(found: Equivalence) -> str:
     """The verdict on two engines as the rest of a sentence, with its bounds."""
-    if found.of_old_rule:
-        return "were compared by an older rule, which stated no bounds: unresolved"
     margins = f"{100 * found.image_margin:g} % and {100 * found.tile_margin:g} %"
     same = f"{math.floor(1000 * found.same_pixels) / 10:g}" if not math.isnan(found.same_pixels) else ""
     x, y = found.worst_tile

@@ -6,10 +6,10 @@ points.csv, ttq.csv and phases.csv are three of them, written to the results fol
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pandas as pd
 
@@ -18,7 +18,8 @@ from harness.analysis.columns import Column, Table
 from harness.analysis.model import FLAGS, OF_THE_ESTIMATOR, OF_THE_TIME, Analysis, Verdict
 from harness.analysis.verdicts import analyse
 from harness.metrics import METRIC_MEANINGS
-from harness.store.results import PHASES, Event, Results, load_results, phase_seconds, settings_of
+from harness.store.records import Cell, Machine
+from harness.store.results import CHOICES, PHASES, Results, fixed_seconds, load_results
 
 CONTESTANT = Column("contestant", "Engine and those settings that differ within this experiment.")
 IDENTITY = [
@@ -106,7 +107,7 @@ def open_results(folder: str | Path) -> ResultFrames:
 
 def points(results: Results) -> Table:
     """One row a checkpoint of every cell that has one."""
-    measured = [cell for cell in results.cells if cell.get("points")]
+    measured = [cell for cell in results.cells if cell.points]
     before = [
         CONTESTANT,
         *CELL,
@@ -121,21 +122,15 @@ def points(results: Results) -> Table:
         Column("contended", "Whether other work disturbed the timing.", "flag"),
         Column("image", "The checkpoint's image, relative to the results folder."),
     ]
-    names = dict.fromkeys(key for cell in measured for point in cell["points"] for key in point.get("metrics") or {})
+    names = dict.fromkeys(key for cell in measured for point in cell.points for key in point.metrics)
     metrics = [Column(name, metric_meaning(name), "number") for name in names]
     contestants = _contestants(results)
     rows = []
     for cell in measured:
-        fixed = sum(phase_seconds(cell, phase) for phase in PHASES[:-1])
-        contended = (cell.get("machine") or {}).get("contended")
-        shared = {
-            **_cell(cell),
-            "contestant": contestants[cell["cell_id"]],
-            "contended": None if contended is None else bool(contended),
-        }
+        shared = {**_cell(cell), "contestant": contestants[cell.cell_id], "contended": cell.machine.contended}
         rows += [
-            {**(point.get("metrics") or {}), **point, **shared, "cold_seconds": fixed + point["seconds"]}
-            for point in cell["points"]
+            {**point.metrics, **dict(point), **shared, "cold_seconds": fixed_seconds(cell) + point.seconds}
+            for point in cell.points
         ]
     taken = {column.name for column in (*before, *after)}
     columns = [*before, *(column for column in metrics if column.name not in taken), *after]
@@ -180,11 +175,9 @@ def times_to_quality(analysis: Analysis) -> Table:
 
 def cells(results: Results) -> Table:
     """One row a cell, whatever became of it."""
-    counters = dict.fromkeys(key for cell in results.cells for key in cell.get("counters") or {})
-    machine: dict[str, list[Any]] = {}
-    for cell in results.cells:
-        for key, value in (cell.get("machine") or {}).items():
-            machine.setdefault(key, []).append(value)
+    counters = dict.fromkeys(key for cell in results.cells for key in cell.counters)
+    told = {name for cell in results.cells for name in cell.machine.model_fields_set}
+    machine = {name: _kind_of(field.annotation) for name, field in Machine.model_fields.items() if name in told}
     columns = [
         CONTESTANT,
         *CELL,
@@ -193,21 +186,18 @@ def cells(results: Results) -> Table:
         *(Column(f"{phase}_seconds", f"Seconds of the phase {phase}.", "number") for phase in PHASES),
         Column("warm_build_seconds", "Seconds of the second build, of the renderer that is timed.", "number"),
         *(Column(f"counter_{name}", f"The engine's counter {name}.", "number") for name in counters),
-        *(
-            Column(f"machine_{name}", f"The machine during the cell: {name}.", _kind_of(values))
-            for name, values in machine.items()
-        ),
+        *(Column(f"machine_{name}", f"The machine during the cell: {name}.", kind) for name, kind in machine.items()),
         Column("message", "Why it has no result."),
     ]
     contestants = _contestants(results)
     rows = [
         {
-            **(cell.get("phases") or {}),
+            **dict(cell.phases),
             **_cell(cell),
-            "contestant": contestants[cell["cell_id"]],
-            **{f"counter_{name}": value for name, value in (cell.get("counters") or {}).items()},
-            **{f"machine_{name}": value for name, value in (cell.get("machine") or {}).items()},
-            "message": cell.get("message"),
+            "contestant": contestants[cell.cell_id],
+            **{f"counter_{name}": value for name, value in cell.counters.items()},
+            **{f"machine_{name}": value for name, value in cell.machine},
+            "message": cell.message,
         }
         for cell in results.cells
     ]
@@ -325,18 +315,18 @@ def metric_meaning(name: str) -> str:
 
 def _contestants(results: Results) -> dict[str, str]:
     """Cell id -> the name of its contestant."""
-    return {cell["cell_id"]: contestant.name for contestant in results.contestants for cell in contestant.cells}
+    return {cell.cell_id: contestant.name for contestant in results.contestants for cell in contestant.cells}
 
 
-def _cell(cell: Event) -> Mapping[str, Any]:
-    settings = settings_of(cell)._asdict()
-    plain = ("cell_id", "env_id", "worker", "engine_version", "width", "height", "block", "seed", "state", "order")
-    return {**settings, **{key: cell.get(key) for key in plain}}
+def _cell(cell: Cell) -> Mapping[str, Any]:
+    settings = cell.settings
+    texts = {axis: str(getattr(settings, axis)) for axis in CHOICES}
+    plain = {column.name: getattr(cell, column.name) for column in CELL if column.name not in texts}
+    return {**plain, **texts, "label": settings.label, "state": cell.state, "order": cell.order}
 
 
-def _kind_of(values: Sequence[Any]) -> str:
-    """The kind of a column that the machine, not raybench, has named."""
-    kinds = {type(value) for value in values if value is not None}
-    if kinds <= {bool}:
-        return "flag"
-    return "count" if kinds == {int} else "number" if kinds <= {int, float} else "text"
+def _kind_of(annotation: Any) -> str:
+    """The kind of a column of values of a type, or None."""
+    kinds = {bool: "flag", int: "count", float: "number"}
+    types = [getattr(kind, "__origin__", kind) for kind in (annotation, *get_args(annotation))]
+    return next((kinds[kind] for kind in types if kind in kinds), "text")

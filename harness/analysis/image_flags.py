@@ -14,7 +14,7 @@ def image_flags(results: Results, verdict: Verdict) -> list[str]:
     flags = []
     if verdict.bias is not None:
         flags += verdict.bias.flags
-        left = [point_error(cell["points"][-1], results.relative_metric)[0] for cell in verdict.contestant.done]
+        left = [point_error(cell.end, results.relative_metric)[0] for cell in verdict.contestant.done]
         if np.isfinite(left).all() and on_bias_floor(verdict.bias, float(np.mean(left))):
             flags.append("on_bias_floor")
     if verdict.equivalence is not None and not verdict.equivalence.passed:
@@ -25,7 +25,6 @@ def image_flags(results: Results, verdict: Verdict) -> list[str]:
 def bad_sample_flags(contestant: Contestant) -> list[str]:
     """`nonfinite_pixels` for an image with NaN or infinity in any cell, `bad_samples` where samples were, which films count
     as black."""
-    points = [point for cell in contestant.cells for point in cell.get("points") or []]
-    pixels = any((point.get("metrics") or {}).get("nonfinite") for point in points)
-    samples = any((cell.get("counters") or {}).get("bad_samples") for cell in contestant.cells)
+    pixels = any(point.metrics.get("nonfinite") for cell in contestant.cells for point in cell.points)
+    samples = any(cell.counters.get("bad_samples") for cell in contestant.cells)
     return ["nonfinite_pixels"] * pixels + ["bad_samples"] * samples

@@ -6,10 +6,12 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
+from engines.choices import Choice
 from harness.analysis.equivalence import EnginePair
 from harness.statistics import BiasEstimate, Equivalence, Estimate, QualityTime, Ratio, Slope
 from harness.statistics.bias import RadianceSample
-from harness.store.results import Contestant, Results, samples_of
+from harness.store.records import BROKEN
+from harness.store.results import Contestant, Results
 
 NOISY = "noisy_reference"
 """Flag of a time to quality, not of all of a contestant's: see `QualityTime.reliable`."""
@@ -76,7 +78,7 @@ class Verdict:
     @property
     def failures(self) -> int:
         """Cells that failed or ran out of time."""
-        return sum(cell["state"] in ("failed", "timeout") for cell in self.contestant.cells)
+        return sum(cell.state in BROKEN for cell in self.contestant.cells)
 
     @property
     def disqualified(self) -> bool:
@@ -129,7 +131,7 @@ class Analysis:
         return self.floors.get((scene, index), math.nan)
 
 
-Group = tuple[str, str, str, str, str]
+Group = tuple[str, Choice, str, str, str]
 """Scene, shader of the reference, size, division and machine."""
 
 
@@ -155,5 +157,4 @@ def possible_winners(verdicts: Iterable[Verdict], index: int) -> list[Verdict]:
 
 def seconds_per_sample(contestant: Contestant) -> dict[int, float]:
     """Block -> warm seconds per sample per pixel, over the whole cell."""
-    ends = {cell["block"]: cell["points"][-1] for cell in contestant.done}
-    return {block: end["seconds"] / samples_of(end) for block, end in ends.items() if end["seconds"] > 0 and end["spp"] > 0}
+    return {cell.block: cell.end.seconds / cell.end.samples for cell in contestant.done if cell.end.seconds > 0}

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.analysis.comparisons import unlabelled
 from harness.analysis.model import Analysis, Verdict, raced_together, seconds_per_sample
 from harness.metrics import as_error
 from harness.statistics import Bound, Race, Reading, crossing_seconds, noise_floor, race, twin_distance
 from harness.statistics.convergence import NOISE_ERRORS
-from harness.statistics.ratios import MARGIN
 from harness.store.results import Contestant, Results
 
 Logs = NDArray[np.float64]
@@ -77,7 +77,7 @@ def times_found(verdicts: Sequence[Verdict], index: int | None) -> tuple[Logs, L
     if index is None:
         return _logs([_per_sample(verdict.contestant) for verdict in verdicts])
     times = [zip(verdict.contestant.runs, verdict.warm[index].crossings, strict=True) for verdict in verdicts]
-    return _logs([{cell["block"]: bound for cell, bound in one} for one in times])
+    return _logs([{cell.block: bound for cell, bound in one} for one in times])
 
 
 def _per_sample(contestant: Contestant) -> dict[int, Bound]:
@@ -151,7 +151,7 @@ def times_read(results: Results, verdict: Verdict, index: int, reading: Reading)
     """Block -> seconds to a target. What the reference's noise may have moved is known less well: by three of its standard
     errors, for times go as the inverse of the error at the most."""
     target = as_error(results.metric, results.targets[index])
-    found = {cell["block"]: crossing_seconds(results.curve(cell), target, reading) for cell in verdict.contestant.runs}
+    found = {cell.block: crossing_seconds(results.curve(cell), target, reading) for cell in verdict.contestant.runs}
     if verdict.warm[index].reliable:
         return {block: crossing.x for block, crossing in found.items()}
     rooms = {
@@ -189,9 +189,8 @@ def race_of(
 
 
 def margin(results: Results) -> float:
-    """The config's `same_within`, else 5 %."""
-    value = (results.manifest.get("config") or {}).get("same_within")
-    return float(value) if isinstance(value, (int, float)) and 0 < value < 1 else MARGIN
+    """The config's `same_within`."""
+    return results.config.same_within
 
 
 def clock_steps(low: Logs) -> Logs:
@@ -203,7 +202,7 @@ def clock_steps(low: Logs) -> Logs:
 def _twins(contestants: Sequence[Contestant]) -> list[tuple[int, int]]:
     """Places of measured contestants that differ in their label alone: the unlabelled first."""
     places = {c.settings: place for place, c in enumerate(contestants) if c.done}
-    found = [(places.get(settings._replace(label="")), place) for settings, place in places.items() if settings.label]
+    found = [(places.get(unlabelled(settings)), place) for settings, place in places.items() if settings.label]
     return [(one, other) for one, other in found if one is not None]
 
 

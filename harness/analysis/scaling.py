@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from harness.analysis.comparisons import comparisons
 from harness.analysis.model import Analysis, seconds_per_sample
 from harness.statistics import Estimate, geometric_interval, mean_interval
-from harness.store.results import Contestant, Event, Results, phase_seconds, samples_of
+from harness.store.records import Cell
+from harness.store.results import Contestant, Results, phase_seconds
 
 FEWEST = 3
 """Sizes from which on an exponent is shown."""
@@ -30,21 +32,17 @@ class ScalingExponent(NamedTuple):
 
 
 def primitives(contestant: Contestant) -> int:
-    return int(contestant.cells[0].get("primitives") or 0)
+    return contestant.cells[0].primitives
 
 
-def pixels(cell: Event) -> int:
-    return int(cell["width"]) * int(cell["height"])
+def pixels(cell: Cell) -> int:
+    return cell.width * cell.height
 
 
 def families(analysis: Analysis, axis: str, size: Callable[[Contestant], int]) -> list[list[Contestant]]:
     """Contestants that differ in one setting alone, three or more different sizes, the smallest first."""
-    groups: dict[object, list[Contestant]] = {}
-    for verdict in analysis.verdicts:
-        contestant = verdict.contestant
-        if not contestant.settings.label and seconds_per_sample(contestant) and size(contestant):
-            groups.setdefault(contestant.settings._replace(**{axis: ""}), []).append(contestant)
-    ordered = [sorted(group, key=size) for group in groups.values()]
+    timed = [c for c in (verdict.contestant for verdict in analysis.verdicts) if seconds_per_sample(c) and size(c)]
+    ordered = [sorted(group, key=size) for group in comparisons((c for c in timed if not c.settings.label), axis)]
     return [group for group in ordered if len({size(contestant) for contestant in group}) >= FEWEST]
 
 
@@ -69,10 +67,10 @@ def passes(contestant: Contestant) -> Samples:
     found: Samples = {}
     for cell in contestant.done:
         before = (0.0, 0.0)
-        for point in cell["points"]:
-            spp, seconds = samples_of(point) - before[0], point["seconds"] - before[1]
-            found.setdefault(point["spp"], {})[cell["block"]] = seconds / (spp * pixels(cell))
-            before = samples_of(point), point["seconds"]
+        for point in cell.points:
+            spp, seconds = point.samples - before[0], point.seconds - before[1]
+            found.setdefault(point.spp, {})[cell.block] = seconds / (spp * pixels(cell))
+            before = point.samples, point.seconds
     return dict(sorted(found.items()))
 
 
@@ -82,7 +80,7 @@ def scaling_exponents(analysis: Analysis) -> Iterator[ScalingExponent]:
     over_sizes = families(analysis, "size", lambda contestant: pixels(contestant.done[0]))
     for family in over_scenes:
         yield from _exponents(family[-1], "path", "primitives", {primitives(c): path_seconds(c) for c in family})
-        built = {primitives(c): {cell["block"]: phase_seconds(cell, "build") for cell in c.done} for c in family}
+        built = {primitives(c): {cell.block: phase_seconds(cell, "build") for cell in c.done} for c in family}
         yield from _exponents(family[-1], "build", "primitives", built)
     for family in over_sizes:
         yield from _exponents(family[-1], "path", "pixels", {pixels(c.done[0]): path_seconds(c) for c in family})
@@ -108,9 +106,5 @@ def exponent(seconds: Samples, sizes: Sequence[int]) -> Estimate:
 
 def thread_families(results: Results) -> list[list[Contestant]]:
     """Measured contestants that differ in threads alone, two or more, by rising thread count."""
-    families: dict[Any, list[Contestant]] = {}
-    for contestant in results.contestants:
-        if seconds_per_sample(contestant):
-            families.setdefault(contestant.settings._replace(threads=0), []).append(contestant)
-    found = [sorted(family, key=lambda c: c.settings.threads) for family in families.values()]
-    return [family for family in found if len(family) > 1]
+    families = comparisons(filter(seconds_per_sample, results.contestants), "threads")
+    return [sorted(family, key=lambda c: c.settings.threads) for family in families if len(family) > 1]

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from harness.statistics import Curve, Slope, common_samples, convergence_slope
-from harness.store.results import Event, Results, Settings, samples_of
+from harness.store.records import Cell, Settings
+from harness.store.results import Results
 
 
 def slopes(results: Results) -> dict[Settings, Slope]:
@@ -18,8 +19,8 @@ def slopes(results: Results) -> dict[Settings, Slope]:
     return found
 
 
-def _at_equal_samples(results: Results, cell: Event) -> Curve:
+def _at_equal_samples(results: Results, cell: Cell) -> Curve:
     """A cell's curve, its errors those of `spp` independent samples where the engine took more."""
     curve = results.curve(cell, results.relative_metric)
-    more = np.array([samples_of(point) / point["spp"] for point in sorted(cell["points"], key=lambda point: point["spp"])])
+    more = np.array([point.samples / point.spp for point in cell.points])
     return curve._replace(error=curve.error * more, se=curve.se * more)

@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from statistics import median
-from typing import Any
+
+from harness.store.records import Cell
 
 COUNT = 4
 STEPS = (1.0, 3.0)
 """Targets are 1 or 3 times a power of ten: round numbers half a decade apart."""
 
 
-def automatic_targets(cells: Iterable[Mapping[str, Any]], metric: str) -> list[float]:
+def automatic_targets(cells: Iterable[Cell], metric: str) -> list[float]:
     """Up to four falling targets. The hardest is one that half of the cells of the noisiest scene reach.
 
     Empty where nothing was measured.
     """
     finals: dict[str, list[float]] = {}
     for cell in cells:
-        points = cell.get("points") or []
-        error = points[-1]["metrics"].get(metric, math.nan) if cell["state"] == "done" and points else math.nan
-        if math.isfinite(error) and error > 0:
-            finals.setdefault(cell["scene_hash"], []).append(error)
+        error = cell.end.metrics.get(metric) if cell.state == "done" and cell.points else None
+        if error is not None and 0 < error < math.inf:
+            finals.setdefault(cell.scene_hash, []).append(error)
     if not finals:
         return []
     hardest = _rounded_up(max(median(errors) for errors in finals.values()))

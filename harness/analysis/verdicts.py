@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from harness.analysis import archived_verdicts
 from harness.analysis.baselines import baseline_of, engine_order, nearest_of_engine
 from harness.analysis.conduct import conduct_flags
-from harness.analysis.equivalence import Replicates, compared, engine_pairs, last_pictured, shared_spp
+from harness.analysis.equivalence import Replicates, compared, engine_pairs, pictured_spp, shared_spp
 from harness.analysis.image_flags import image_flags
 from harness.analysis.model import Analysis, Group, Verdict, raced_together
 from harness.analysis.races import run_races
@@ -17,7 +17,8 @@ from harness.metrics import as_error
 from harness.statistics import Slope, bias_estimate, efficiency, geometric_interval, time_to_quality, too_good_per_sample
 from harness.statistics.bias import radiance_sample
 from harness.statistics.equivalence import shared_alpha
-from harness.store.results import Contestant, Event, Results, phase_seconds, point_error, samples_of
+from harness.store.records import Cell, Point
+from harness.store.results import Contestant, Results, fixed_seconds, phase_seconds, point_error
 
 
 def analyse(results: Results) -> Analysis:
@@ -55,19 +56,19 @@ def baseline_engine_of(results: Results) -> str:
 def _own_verdict(results: Results, contestant: Contestant, slope: Slope) -> Verdict:
     """What needs no other contestant and no image."""
     curves = [results.curve(cell) for cell in contestant.runs]
-    fixed = [contestant.fixed_seconds(cell) for cell in contestant.runs]
+    fixed = [fixed_seconds(cell) for cell in contestant.runs]
     done = contestant.done
-    ends = [cell["points"][-1] for cell in done]
+    ends = [cell.end for cell in done]
     return Verdict(
         contestant,
         warm=[time_to_quality(curves, [0.0] * len(curves), target) for target in error_targets(results)],
         cold=[time_to_quality(curves, fixed, target) for target in error_targets(results)],
         slope=slope,
         final_error=geometric_interval([point_error(end, results.metric)[0] for end in ends]),
-        final_spp=geometric_interval([float(end["spp"]) for end in ends]),
-        efficiency=efficiency([_mse(end) for end in ends], [float(end["seconds"]) for end in ends]),
-        samples_per_second=geometric_interval([_rate(_samples(cell), cell["points"][-1]) for cell in done]),
-        rays_per_second=geometric_interval([_rate(end.get("rays"), end) for end in ends]),
+        final_spp=geometric_interval([float(end.spp) for end in ends]),
+        efficiency=efficiency([point_error(end, "mse")[0] for end in ends], [end.seconds for end in ends]),
+        samples_per_second=geometric_interval([_rate(_samples(cell), cell.end) for cell in done]),
+        rays_per_second=geometric_interval([_rate(end.rays, end) for end in ends]),
         phases={
             phase: geometric_interval([phase_seconds(cell, phase) for cell in done])
             for phase in ("import", "load", "build", "compile", "render")
@@ -87,7 +88,7 @@ def _compare(results: Results, verdict: Verdict, baseline: Contestant | None, im
     contestant = verdict.contestant
     own_images, reference = images.of(contestant), images.reference(contestant)
     if own_images and reference is not None and next(iter(own_images.values())).shape == reference.mean.shape:
-        spp = [last_pictured(cell)["spp"] for cell in contestant.done if cell["block"] in own_images]
+        spp = pictured_spp(cell for cell in contestant.done if cell.block in own_images)
         verdict.bias = bias_estimate(list(own_images.values()), reference, results.epsilon, spp)
         verdict.radiance = radiance_sample(list(own_images.values()), reference, spp)
     if baseline is not None and baseline is not contestant:
@@ -100,16 +101,16 @@ def _flags(results: Results, verdict: Verdict) -> list[str]:
     flags = image_flags(results, verdict) + conduct_flags(verdict.contestant, verdict.bias)
     if verdict.baseline is not None and _too_good(results, verdict.contestant, verdict.baseline):
         flags.append("too_good_per_sample")
-    if any((cell.get("machine") or {}).get("contended") for cell in verdict.contestant.done):
+    if any(cell.machine.contended for cell in verdict.contestant.done):
         flags.append("contended")
     if any(reports_its_time(cell) for cell in verdict.contestant.done):
         flags.append("own_clock")
     return flags
 
 
-def reports_its_time(cell: Event) -> bool:
+def reports_its_time(cell: Cell) -> bool:
     """Whether an external program's own report was the clock."""
-    return bool((cell.get("counters") or {}).get("told_by_program"))
+    return bool(cell.counters.get("told_by_program"))
 
 
 def _too_good(results: Results, contestant: Contestant, baseline: Contestant) -> bool:
@@ -122,30 +123,24 @@ def _too_good(results: Results, contestant: Contestant, baseline: Contestant) ->
     spp = shared_spp(*both)
     if contestant.settings.sampler != baseline.settings.sampler or not spp:
         return False
-    independent = all(cell.get("smooth_sampler") for each in both for cell in each.done)
+    independent = all(cell.smooth_sampler for each in both for cell in each.done)
     own, theirs = (_error_times_samples(results, each, max(spp) if independent else min(spp)) for each in both)
     return too_good_per_sample(own, theirs)
 
 
 def _error_times_samples(results: Results, contestant: Contestant, spp: int) -> dict[int, float]:
     return {
-        cell["block"]: point_error(point, results.metric)[0] * samples_of(point)
+        cell.block: point_error(point, results.metric)[0] * point.samples
         for cell in contestant.done
-        for point in cell["points"]
-        if point["spp"] == spp
+        for point in cell.points
+        if point.spp == spp
     }
 
 
-def _mse(point: Event) -> float:
-    metrics = point.get("metrics") or {}
-    value = metrics.get("mse_corrected", metrics.get("mse"))
-    return math.nan if value is None else float(value)
-
-
-def _samples(cell: Event) -> float:
+def _samples(cell: Cell) -> float:
     """Samples of the whole image at the last checkpoint."""
-    return samples_of(cell["points"][-1]) * (cell.get("width") or 0) * (cell.get("height") or 0)
+    return cell.end.samples * cell.width * cell.height
 
 
-def _rate(amount: float | None, point: Event) -> float:
-    return float(amount) / float(point["seconds"]) if amount and point["seconds"] > 0 else math.nan
+def _rate(amount: float | None, point: Point) -> float:
+    return amount / point.seconds if amount and point.seconds > 0 else math.nan

@@ -29,7 +29,7 @@ def export(
     allow_outside: AllowOutside = False,
 ) -> None:
     """Write a scene for another renderer, with its camera and a path integrator."""
-    from engines.export import export as exported
+    from engines.peers.export import export as exported
     from engines.scene import load_scene
     from harness.cli.render import parameters_of
     from harness.config import paths

@@ -15,6 +15,7 @@ from rich.table import Column, Table
 
 from engines.errors import ConfigError
 from harness import config, store
+from harness.analysis.certificates import certificate_text, refutes
 from harness.cli.results import require_results, write_derived
 from harness.config import Experiment
 from harness.console import consoles
@@ -25,6 +26,7 @@ from harness.plan.state import expected_seconds, state_of
 from harness.run import certificates, progress, reference_samples, references, sweep
 from harness.run.sweep import Options, Outcome
 from harness.store import reference_files
+from harness.store.records import BROKEN, Start
 
 Allowed = tuple[bool, bool, bool]
 """Whether imports, commands and files outside of a scene's folder are allowed."""
@@ -62,7 +64,7 @@ def run(given: str, out: Path | None, overrides: Sequence[str], fresh: bool, opt
 
 def _refuse_merged(folder: Path) -> None:
     """A merged folder's cells have other ids: a run would put them all aside."""
-    if (folder / store.MANIFEST).exists() and "merged" in store.read_manifest(folder):
+    if (folder / store.MANIFEST).exists() and store.read_manifest(folder).merged:
         raise ConfigError(f"{folder}: was made by `raybench merge`: run into another folder and merge again")
 
 
@@ -78,8 +80,8 @@ def _warn(plan: Plan, console: Console) -> None:
 def _summary(console: Console, outcome: Outcome, folder: Path) -> None:
     """Prints what failed, the winners for each target, counts, and where the report is."""
     for cell, event in outcome.failures:
-        words = f"{event['state']}: {progress.describe(cell)}: {event['message']}"
-        console.print(words, style=progress.COLOURS[event["state"]], markup=False, soft_wrap=True)
+        words = f"{event.state}: {progress.describe(cell)}: {event.message}"
+        console.print(words, style=progress.COLOURS[event.state], markup=False, soft_wrap=True)
     for words in outcome.failed_verify_jobs:
         console.print(words, style=progress.COLOURS["failed"], markup=False, soft_wrap=True)
     if outcome.failures or outcome.failed_verify_jobs:
@@ -236,8 +238,8 @@ def _certified(wanted: Any, root: Path, pool: Any, stdout: Console, stderr: Cons
         name = f"{wanted.describe()}, certificate"
         with progress.Terminal(stderr) as terminal:
             found = certificates.make(wanted, root, pool, lambda i, n: terminal.reference(name, i, n))
-    stdout.print(f"{wanted.describe()}: {certificates.words(found)}", markup=False, soft_wrap=True)
-    return certificates.refutes(found)
+    stdout.print(f"{wanted.describe()}: {certificate_text(found)}", markup=False, soft_wrap=True)
+    return refutes(found)
 
 
 def status(folder: Path) -> None:
@@ -246,16 +248,16 @@ def status(folder: Path) -> None:
     require_results(folder)
     manifest, events = store.read_manifest(folder), store.read_events(folder)
     latest = store.latest_cells(events)
-    planned = {cell_id: latest.get(cell_id) for cell_id in manifest.get("cell_ids", latest)}
-    counted = Counter("queued" if event is None else event["state"] for event in planned.values())
-    started = store.last_event(events, "start")
+    planned = {cell_id: latest.get(cell_id) for cell_id in (manifest.cell_ids or latest)}
+    counted = Counter("queued" if event is None else event.state for event in planned.values())
+    started = store.last_event(events, Start)
     running = store.is_locked(folder)
-    if running and started is not None and counted["queued"] and latest.get(started["cell_id"]) is None:
+    if running and started is not None and counted["queued"] and latest.get(started.cell_id) is None:
         counted.update(queued=-1, running=1)
     counts = ", ".join(f"{count} {state}" for state, count in sorted(counted.items()) if count)
     now = "running" if running else "not running"
-    console.print(f"{manifest.get('name') or folder.name}: {counts or 'no cells'}; {now}.", soft_wrap=True)
+    console.print(f"{manifest.name or folder.name}: {counts or 'no cells'}; {now}.", soft_wrap=True)
     for event in planned.values():
-        if event is not None and event["state"] in ("failed", "timeout"):
-            words = f"{event['state']}: {event['scene']} {event['engine']} seed {event['seed']}: {event['message']}"
-            console.print(words, style=progress.COLOURS[event["state"]], markup=False, soft_wrap=True)
+        if event is not None and event.state in BROKEN:
+            words = f"{event.state}: {event.scene} {event.engine} seed {event.seed}: {event.message}"
+            console.print(words, style=progress.COLOURS[event.state], markup=False, soft_wrap=True)

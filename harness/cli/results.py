@@ -126,7 +126,7 @@ def calibrate(folder: Path) -> int:
         holds = "" if figure.holds is None else "holds" if figure.holds else "missed"
         table.add_row(figure.name, figure.value, figure.wanted, holds)
     console.print(table)
-    return 1 if found.missed else 0
+    return 1 if calibration.missed(found) else 0
 
 
 def compare(

@@ -16,6 +16,7 @@ from engines.schema.kinds import BOOLEAN, Kind
 from engines.schema.yaml_file import Located
 from harness.config.settings import SETTINGS
 from harness.config.validators import DURATION, NAME, SIZE, ListOf, OrNull, integer, number, one_of
+from harness.suites import suite
 
 AUTOMATIC = "auto"
 """The certifier that `plan.certifiers` takes."""
@@ -265,10 +266,8 @@ class VerifyConfig:
 
 
 def _verify(given: Given, context: Any) -> VerifyConfig:
-    from harness.verify.suite import case_names
-
     for child in given.at("cases").value if given.has("cases") else ():
-        if child.value not in (names := case_names()):
+        if child.value not in (names := suite().case_names()):
             raise child.refuse(f"unknown case or section: {suggestion(child.value, names)}")
     return VerifyConfig(tuple(given["cases"]), given["quick"], given["timeout"])
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from time import monotonic
 from typing import Any, NamedTuple
 
@@ -159,23 +159,6 @@ def judged(machine: Mapping[str, Any], threads: int, ended: float = 0.0) -> dict
     waited += ended
     contended = waited + (steal or 0.0) > SHARE * wall * threads
     return {**machine, "run_queue_seconds": round(waited, 6), "contended": contended, "contention_rule": RUN_QUEUE}
-
-
-def contended_by_cpu_time(cells: Iterable[Mapping[str, Any]]) -> set[str]:
-    """Ids of the cells of one contestant that used less than 95 % of the processor time, per second of wall time, of its best
-    block, where other processes used at least half of what is lacking. Cells that the run queue has judged are left out."""
-    known: dict[str, tuple[float, float, float]] = {}
-    for cell in cells:
-        machine = cell.get("machine") or {}
-        cpu, wall, others = (_number(machine, key) for key in ("cpu_seconds", "timed_seconds", "other_cpu_seconds"))
-        if machine.get("contention_rule") == CPU_TIME and wall and cpu is not None and cpu >= LEAST_CPU_SECONDS:
-            known[cell["cell_id"]] = (cpu / wall, wall, others or 0.0)
-    best = max((share for share, _, _ in known.values()), default=0.0)
-    return {
-        cell_id
-        for cell_id, (share, wall, others) in known.items()
-        if share < (1.0 - SHARE) * best and others >= 0.5 * (best - share) * wall
-    }
 
 
 def _number(machine: Mapping[str, Any], key: str) -> float | None:

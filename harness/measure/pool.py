@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-import contextlib
-import json
 import math
-import os
-import select
-import signal
-import subprocess
-import sys
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple, NoReturn, TypeVar
 
 from engines.errors import ConfigError, RaybenchError
 from engines.film import BYTES_A_PIXEL
+from engines.processes import BadMessage, Closed, Process, records, status_in_words
 from engines.temporary import TemporaryFolder, remove_abandoned
-from harness.measure import contention, memory, protocol
+from harness.measure import contention, films, memory, messages, tracing
+from harness.measure.messages import Answer, End, Failed, Go, Idle, Imported, Job, Point, Prepared, Results, Traced, Unwritten
 from harness.measure.run_queue import EndedThreads
 from harness.processes import worker_environment
 
@@ -26,10 +21,9 @@ if TYPE_CHECKING:
     from engines.film import Film
 
 IMPORT_TIMEOUT_SECONDS = 180.0
-LAST_SECONDS = 5.0
-"""What a process has left to end in, once it has closed its pipe."""
 FOREVER = math.inf
 """A deadline that never comes."""
+T = TypeVar("T")
 
 
 class WorkerFailed(Exception):
@@ -45,15 +39,25 @@ class WorkerTimeout(Exception):
 
 
 class WorkerMessage(NamedTuple):
-    """A message of a worker, and the film that came with it."""
+    """A message of a worker about a cell, and the film that came with it."""
 
-    message: dict[str, Any]
+    message: Imported | Prepared | Point | End
     film: Film | None = None
 
 
+class TracedRays(NamedTuple):
+    """Rays that a worker has traced: its phases and passes, what disturbed these, and the answers as `tracing` reads them."""
+
+    version: str
+    phases: Prepared
+    timed: Traced
+    machine: Mapping[str, Any]
+    answers: Mapping[str, Any]
+
+
 class Worker:
-    """A process that has imported one engine. Use `ask`, then `receive` until "end"; `kill` at any time. `busy` says that
-    the end of a request has not been received.
+    """A process that has imported one engine. Use `ask`, then `receive` until `End`; `kill` at any time. `busy` says that
+    the end of a job has not been received.
 
     It is killed when it and its children together hold more than `most_bytes` of memory. `threads` are looked at while it is
     waited for, where they are expected.
@@ -70,116 +74,92 @@ class Worker:
     ) -> None:
         """`folder` is where the process and what it starts keep temporary files, `code` where code that files name is looked
         for first."""
-        try:
-            log.parent.mkdir(parents=True, exist_ok=True)
-            self._log = log.open("ab")
-        except OSError as error:
-            raise ConfigError(f"{log}: cannot be written: {error.strerror}") from error
         self._most_bytes = memory.default_limit() if most_bytes is None else most_bytes
-        try:
-            self._process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "harness.measure.worker"],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=self._log,
-                start_new_session=True,
-                bufsize=0,
-                env={**worker_environment(allow_imports, code), **({"TMPDIR": str(folder)} if folder else {})},
-            )
-        except OSError as error:
-            self._log.close()
-            raise WorkerFailed(f"no process could be started: {error.strerror or error}") from error
+        environment = {**worker_environment(allow_imports, code), **({"TMPDIR": str(folder)} if folder else {})}
+        with _opened(log) as output:
+            try:
+                self._process = Process(
+                    "harness.measure.worker:main",
+                    engine,
+                    environment=environment,
+                    output=output,
+                    dies_with_thread=True,
+                    most_bytes=messages.MOST_BYTES,
+                )
+            except OSError as error:
+                raise WorkerFailed(f"no process could be started: {error.strerror or error}") from error
+        (self._channel,) = self._process.channels
         self._watch = memory.Watch(self._process.pid)
         self._looked = monotonic()
-        self._pending = b""
         self._forks = False
         self.threads: EndedThreads | None = None
-        self.usable, self.busy = True, False
-        self.ask({"do": "import", "engine": engine})
+        self.usable, self.busy = True, True
         try:
-            answer = self.receive(monotonic() + IMPORT_TIMEOUT_SECONDS, "import")
+            self.imported = self.receive(monotonic() + IMPORT_TIMEOUT_SECONDS, Imported)
         except WorkerTimeout:
             raise WorkerFailed(f"engine {engine!r}: not imported within {IMPORT_TIMEOUT_SECONDS:g} s") from None
-        self.busy = False
-        self.import_seconds: float = answer["seconds"]
-        self.version: str = answer["version"]
-        self.code: str = answer["code"]
-        self._forks = answer["forks"]
+        self.busy, self._forks = False, self.imported.forks
 
-    def ask(self, request: dict[str, Any]) -> None:
+    def ask(self, request: Job | Go) -> None:
         self.busy = True
-        assert self._process.stdin is not None
         try:
-            self._process.stdin.write(json.dumps(request).encode() + b"\n")
-        except BrokenPipeError:
+            self._channel.send(records.encoded(request))
+        except Closed:
             self._died()
 
-    def receive(self, deadline: float, *wanted: str) -> dict[str, Any]:
-        """The next answer, of one of the kinds `wanted`. Raises `WorkerFailed`, or `WorkerTimeout` at `deadline` (of
+    def receive(self, deadline: float, *expected: type[T]) -> T:
+        """The next answer, of one of the types `expected`. Raises `WorkerFailed`, or `WorkerTimeout` at `deadline` (of
         `monotonic`)."""
-        answer = self._message(deadline)
-        if answer["did"] == "unwritten":
+        answer = self._answer(deadline)
+        if isinstance(answer, Unwritten):
             self.kill()
-            raise FilmUnwritten(answer["message"])
-        if wanted and answer["did"] not in (*wanted, "failed", "idle"):
-            self.kill()
-            raise WorkerFailed(f"the engine's process sent a message {answer['did']!r} where {wanted[0]!r} is expected")
-        if answer["did"] == "failed":
+            raise FilmUnwritten(answer.message)
+        if isinstance(answer, Failed):
             self._settle(deadline)
-            raise WorkerFailed(answer["message"])
-        if answer["did"] == "idle":
-            self.busy = False
-            self.usable = self._forks
-            status = answer["status"]
-            reason = f"was killed by {signal.Signals(-status).name}" if status < 0 else f"ended with status {status}"
-            raise WorkerFailed(f"the engine's process {reason}")
-        if answer["did"] == "end":
+            raise WorkerFailed(answer.message)
+        if isinstance(answer, Idle):
+            self.busy, self.usable = False, self._forks
+            raise WorkerFailed(f"the engine's process {status_in_words(answer.status)}")
+        if not isinstance(answer, expected):
+            self.kill()
+            sent, wanted = records.kind(type(answer)), records.kind(expected[0])
+            raise WorkerFailed(f"the engine's process sent a message {sent!r} where {wanted!r} is expected")
+        if isinstance(answer, End):
             self._settle(deadline)
         return answer
 
-    def _message(self, deadline: float) -> dict[str, Any]:
-        """The next line, as a message; a process that writes something else is killed."""
-        while b"\n" not in self._pending and len(self._pending) <= protocol.MOST_BYTES:
-            self._read(deadline)
-        line, _, self._pending = self._pending.partition(b"\n")
-        try:
-            if len(line) > protocol.MOST_BYTES:
-                raise protocol.BadMessage(
-                    f"it sent a message of more than {memory.words(protocol.MOST_BYTES)}: {protocol.excerpt(line)}"
-                )
-            return protocol.parsed(line)
-        except protocol.BadMessage as error:
-            self.kill()
-            raise WorkerFailed(f"the engine's process was killed: {error}") from None
+    def _answer(self, deadline: float) -> Answer:
+        """The next message; a process that writes something else is killed."""
 
-    def _settle(self, deadline: float) -> None:
-        """Waits until the child of a finished request has gone: nothing of it may run beside the next cell."""
-        self.busy = False
-        try:
-            self.receive(max(deadline, monotonic() + 5.0))
-        except WorkerFailed:
-            return
-        except WorkerTimeout:
-            return
-        self.kill()
-
-    def _read(self, deadline: float) -> None:
-        assert self._process.stdout is not None
-        handle = self._process.stdout.fileno()
-        while not select.select([handle], [], [], min(memory.POLL_SECONDS, max(0.0, deadline - monotonic())))[0]:
-            self._look()
+        def pause() -> float:
+            self._look_now_and_then()
             if monotonic() >= deadline:
                 self.kill()
                 raise WorkerTimeout
-        if monotonic() > self._looked + memory.POLL_SECONDS:
-            self._look()
-        data = os.read(handle, 65536)
-        if not data:
-            self._died()
-        self._pending += data
+            return max(0.0, min(self._looked + memory.POLL_SECONDS, deadline) - monotonic())
 
-    def _look(self) -> None:
+        try:
+            answer = messages.answer_of(self._channel.receive(pause).data)
+        except Closed:
+            self._died()
+        except BadMessage as error:
+            self.kill()
+            raise WorkerFailed(f"the engine's process was killed: {error}") from None
+        self._look_now_and_then()
+        return answer
+
+    def _settle(self, deadline: float) -> None:
+        """Waits until the child of a finished job has gone: nothing of it may run beside the next cell."""
+        self.busy = False
+        try:
+            self.receive(max(deadline, monotonic() + 5.0), Idle)
+        except (WorkerFailed, WorkerTimeout):
+            return
+
+    def _look_now_and_then(self) -> None:
         """Sees what threads wait, and kills a process that holds too much: where the system does it, it may choose another."""
+        if monotonic() < self._looked + memory.POLL_SECONDS:
+            return
         self._looked = monotonic()
         if self.threads is not None:
             self.threads.look(self._watch.pids)
@@ -188,38 +168,35 @@ class Worker:
             self.kill()
             raise WorkerFailed(f"memory: {memory.words(held)} of {memory.words(self._most_bytes)}")
 
-    def ended_waits(self, window: Sequence[float], alive: Sequence[int]) -> float:
+    def ended_waits(self, answer: Point | Traced) -> float:
         """Seconds that threads waited in a timed call and could not be counted after it; see `EndedThreads`."""
-        return 0.0 if self.threads is None else self.threads.waited(self._watch.pids, window[0], window[1], alive)
+        start, end = answer.window
+        return 0.0 if self.threads is None else self.threads.waited(self._watch.pids, start, end, answer.alive)
 
-    def _died(self) -> None:
-        # A process that has closed its end of the pipe may still run.
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            self._process.wait(timeout=LAST_SECONDS)
-        status = self._process.returncode
+    def _died(self) -> NoReturn:
+        ending = self._process.ended()
         self.kill()
-        if status is None:
-            raise WorkerFailed("the worker closed its pipe and went on: it was killed")
-        reason = f"was killed by {signal.Signals(-status).name}" if status < 0 else f"ended with status {status}"
-        raise WorkerFailed(f"the worker {reason}")
+        raise WorkerFailed(f"the worker {ending}")
 
     def kill(self) -> None:
         """Ends the process and its children at once."""
         self.usable = False
-        if self._process.returncode is None:
+        if not self._process.reaped:
             self._watch.kill()
-        # Until it has been waited for, the process keeps its number, and the group is surely ours.
-        if self._process.returncode is None:
-            with contextlib.suppress(ProcessLookupError, PermissionError):
-                os.killpg(self._process.pid, signal.SIGKILL)
-        self._process.wait()
-        for stream in (self._process.stdin, self._process.stdout, self._log):
-            if stream is not None:
-                stream.close()
+        self._process.kill()
+
+
+def _opened(log: Path) -> BinaryIO:
+    """The file that workers print to. Raises `ConfigError`."""
+    try:
+        log.parent.mkdir(parents=True, exist_ok=True)
+        return log.open("ab")
+    except OSError as error:
+        raise ConfigError(f"{log}: cannot be written: {error.strerror}") from error
 
 
 class Pool:
-    """One worker an engine, at most one of them busy; the others wait on their pipes and cost nothing."""
+    """One worker an engine, at most one of them busy; the others wait for messages and cost nothing."""
 
     def __init__(self, allow_imports: bool, log: Path, most_bytes: int | None = None, code: Path | None = None) -> None:
         """`most_bytes` of memory are allowed to a worker and its children; None: a share of the machine's. `code` is the folder
@@ -254,29 +231,30 @@ class Pool:
         """The messages of a worker about a cell, from its import to its end; the caller's time in between is not counted.
 
         Raises `WorkerFailed` and `WorkerTimeout`. A worker that is left before its end is killed. What disturbed the cell is
-        judged here: `machine` of its "end".
+        judged here: `machine` of its `End`.
         """
         worker = self.worker(engine)
-        imported = {"seconds": worker.import_seconds, "version": worker.version, "code": worker.code}
-        yield WorkerMessage({"did": "import", **imported})
+        yield WorkerMessage(worker.imported)
         deadline = monotonic() + timeout_seconds
-        worker.ask({"do": "cell", **request, "allow_imports": self._allow_imports, "scratch": str(self.scratch)})
-        did, kinds = "", ("prepared",)
+        worker.ask(Job("harness.measure.jobs:cell", self._complete(request)))
+        expected: tuple[type[Prepared | Point | End], ...] = (Prepared,)
         worker.threads, waited = EndedThreads(), 0.0
         try:
-            while did != "end":
-                answer = self._receive(worker, request, deadline, *kinds)
-                did, began = answer["did"], monotonic()
-                if did == "point":
-                    waited += worker.ended_waits(answer.pop("window", (0.0, 0.0)), answer.pop("alive", []))
-                if did == "end":
-                    threads = request["settings"]["threads"]
-                    answer["machine"] = contention.judged(answer.get("machine", {}), threads, waited)
-                yield WorkerMessage(answer, self._film(worker, request, answer) if did == "point" else None)
+            while True:
+                answer = self._receive(worker, request, deadline, *expected)
+                began, film = monotonic(), None
+                if isinstance(answer, Point):
+                    waited += worker.ended_waits(answer)
+                    film = self._film(worker, request, answer.spp, answer.overshoots)
+                if isinstance(answer, End):
+                    machine = contention.judged(answer.machine, request["settings"]["threads"], waited)
+                    yield WorkerMessage(answer._replace(machine=machine))
+                    return
+                yield WorkerMessage(answer, film)
                 deadline += monotonic() - began
-                kinds = ("point", "end")
-                if did == "point":
-                    worker.ask({"do": "go"})
+                expected = (Point, End)
+                if film is not None:
+                    worker.ask(Go())
         except GeneratorExit:
             worker.kill()
             raise
@@ -286,45 +264,53 @@ class Pool:
     def replicates(self, engine: str, request: Mapping[str, Any], seeds: Sequence[int]) -> Iterator[tuple[Film, float]]:
         """A reference's image under each seed, in order, with the seconds it took. Raises `WorkerFailed`."""
         worker = self.worker(engine)
-        options = {"allow_imports": self._allow_imports, "scratch": str(self.scratch), "seeds": list(seeds)}
-        worker.ask({"do": "reference", **request, **options})
+        worker.ask(Job("harness.measure.jobs:reference", self._complete({**request, "seeds": list(seeds)})))
         try:
             for _ in seeds:
-                answer = self._receive(worker, request, FOREVER, "point")
-                yield self._film(worker, request, {**answer, "spp": request["spp"]}), answer["seconds"]
-                worker.ask({"do": "go"})
+                answer = self._receive(worker, request, FOREVER, Point)
+                yield self._film(worker, request, request["spp"], answer.overshoots), answer.seconds
+                worker.ask(Go())
         except GeneratorExit:
             worker.kill()
             raise
-        worker.receive(FOREVER, "end")
+        worker.receive(FOREVER, End)
 
-    def trace(self, engine: str, request: Mapping[str, Any], timeout_seconds: float) -> dict[str, Any]:
-        """What a worker says of a set of rays that it has traced: its version, phases, `seconds` of `passes`, what disturbed
-        these (`machine`) and its `answers`. Raises `WorkerFailed` and `WorkerTimeout`."""
-        from harness.measure.tracing import read_answers
-
+    def trace(self, engine: str, request: Mapping[str, Any], timeout_seconds: float) -> TracedRays:
+        """A set of rays, traced by a worker. Raises `WorkerFailed` and `WorkerTimeout`."""
         worker = self.worker(engine)
         worker.threads = EndedThreads()
         deadline = monotonic() + timeout_seconds
-        options = {"allow_imports": self._allow_imports, "answers": str(self.scratch)}
         try:
-            worker.ask({"do": "trace", **request, **options})
-            found = worker.receive(deadline, "prepared") | worker.receive(deadline, "traced")
-            waited = worker.ended_waits(found.pop("window", (0.0, 0.0)), found.pop("alive", []))
-            end = worker.receive(deadline, "end")
-            machine = contention.judged(end.get("machine", {}), request["threads"], waited)
-            return {**found, "version": worker.version, "machine": machine, "answers": read_answers(self.scratch, request)}
+            worker.ask(Job("harness.measure.jobs:trace", self._complete(request)))
+            phases, timed = worker.receive(deadline, Prepared), worker.receive(deadline, Traced)
+            waited = worker.ended_waits(timed)
+            machine = contention.judged(worker.receive(deadline, End).machine, request["threads"], waited)
+            answers = tracing.read_answers(self.scratch, request)
+            return TracedRays(worker.imported.version, phases, timed, machine, answers)
         except RaybenchError as error:
             worker.kill()
             raise WorkerFailed(str(error)) from error
         finally:
             worker.threads = None
 
-    def _receive(self, worker: Worker, request: Mapping[str, Any], deadline: float, *kinds: str) -> dict[str, Any]:
+    def run(self, engine: str, job: Job, timeout_seconds: float) -> Sequence[Any]:
+        """The results of a job of another room, which sends `Results` and `End`. Raises `WorkerFailed` and `WorkerTimeout`."""
+        worker = self.worker(engine)
+        deadline = monotonic() + timeout_seconds
+        worker.ask(job)
+        found = worker.receive(deadline, Results).results
+        worker.receive(deadline, End)
+        return found
+
+    def _complete(self, request: Mapping[str, Any]) -> dict[str, Any]:
+        """A request with what this pool adds to it."""
+        return {**request, "allow_imports": self._allow_imports, "scratch": str(self.scratch)}
+
+    def _receive(self, worker: Worker, request: Mapping[str, Any], deadline: float, *expected: type[T]) -> T:
         """The worker's next answer. Raises `ConfigError` where a film cannot be written, which is no failure of the cell,
         once this process has tried as well: an engine can send any message."""
         try:
-            return worker.receive(deadline, *kinds)
+            return worker.receive(deadline, *expected)
         except FilmUnwritten as error:
             size = request["settings"]["width"] * request["settings"]["height"] * BYTES_A_PIXEL
             try:
@@ -335,13 +321,11 @@ class Pool:
                 raise ConfigError(str(error)) from None
             raise WorkerFailed(f"its film could not be written there, though this process can: {error}") from None
 
-    def _film(self, worker: Worker, request: Mapping[str, Any], answer: Mapping[str, Any]) -> Film:
-        """The film that a worker has left and announced by `answer`; raises `WorkerFailed` where it is none."""
-        from harness.measure.films import take
-
+    def _film(self, worker: Worker, request: Mapping[str, Any], spp: int, overshoots: bool) -> Film:
+        """The film of `spp` samples that a worker has left; raises `WorkerFailed` where it is none."""
         settings = request["settings"]
         try:
-            return take(self.scratch, settings["width"], settings["height"], answer["spp"], answer.get("overshoots") is True)
+            return films.take(self.scratch, settings["width"], settings["height"], spp, overshoots)
         except RaybenchError as error:
             worker.kill()
             raise WorkerFailed(str(error)) from error

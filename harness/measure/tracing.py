@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from engines.choices import shaders_and_samplers
 from engines.errors import RendererFailed, Unsupported
 from engines.interface import Engine, HasTracer, RayTracer, Settings
 from engines.scene import Scene
@@ -59,8 +60,6 @@ def _settings(wanted: Mapping[str, Any], allow_imports: bool, **more: Any) -> Se
 
 def _choices(engine: Engine, wanted: Mapping[str, Any], allow_imports: bool) -> list[Settings]:
     """Settings with any shader and sampler: which one does not matter for single rays."""
-    from harness.verify.subject import shaders_and_samplers
-
     return [_settings(wanted, allow_imports, **each) for each in shaders_and_samplers(engine)]
 
 
@@ -110,7 +109,7 @@ def leave_answers(tracer: RayTracer, request: Mapping[str, Any], rays: Arrays) -
     hard = {name.removeprefix("hard_"): array for name, array in rays.items() if name.startswith("hard_")}
     kept = {name: array[rays["checked"]] for name, array in whole.items()}
     np.savez(
-        request["answers"].removesuffix(".npz"),
+        request["scratch"].removesuffix(".npz"),
         **kept,
         **{f"hard_{name}": array for name, array in _answer(tracer, request, hard, slice(None)).items()},
     )

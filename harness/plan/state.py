@@ -4,41 +4,40 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from typing import Any
 
 from harness.plan.cells import Cell
+from harness.store import records
 
 OVERHEAD_SECONDS, SCORE_SECONDS = 1.0, 1.5e-6
 """What a cell costs beside its rendering, and what scoring costs a pixel and checkpoint: the medians of `results/baseline`."""
 
 
-def up_to_date(cell: Cell, event: Mapping[str, Any] | None, metric: str) -> bool:
+def up_to_date(cell: Cell, event: records.Cell | None, metric: str) -> bool:
     """Whether an event still answers its cell: compared with the current reference, by the metric of the config."""
-    if event is None or event["state"] == "outdated":
+    if event is None or event.state == "outdated":
         return False
-    if event["state"] == "skipped":
+    if event.state == "skipped":
         return cell.skip is not None
     if cell.skip:
         return False
-    points = event.get("points") or []
-    return event["reference_id"] == cell.reference_id and all(metric in point["metrics"] for point in points)
+    return event.reference_id == cell.reference_id and all(metric in point.metrics for point in event.points)
 
 
-def state_of(cell: Cell, event: Mapping[str, Any] | None, metric: str) -> str:
+def state_of(cell: Cell, event: records.Cell | None, metric: str) -> str:
     """queued, done, failed, timeout, skipped or outdated."""
     if cell.skip:
         return "skipped"
     if event is None:
         return "queued"
-    return event["state"] if up_to_date(cell, event, metric) else "outdated"
+    return event.state if up_to_date(cell, event, metric) else "outdated"
 
 
-def expected_seconds(cells: Iterable[Cell], events: Mapping[str, Mapping[str, Any]]) -> dict[str, tuple[float, bool]]:
+def expected_seconds(cells: Iterable[Cell], events: Mapping[str, records.Cell]) -> dict[str, tuple[float, bool]]:
     """Wall seconds by cell id, and whether they were measured (on the same configuration) or are `budgeted_seconds`."""
     measured: dict[str, list[float]] = {}
     for event in events.values():
-        if event.get("wall_seconds") and event["state"] == "done":
-            measured.setdefault(event.get("configuration", ""), []).append(event["wall_seconds"])
+        if event.wall_seconds and event.state == "done":
+            measured.setdefault(event.configuration, []).append(event.wall_seconds)
     found = {}
     for cell in cells:
         known = sorted(measured.get(cell.configuration, []))

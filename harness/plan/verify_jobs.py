@@ -8,19 +8,18 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-import inspect
 from collections.abc import Iterable, Mapping
-from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from harness.hashing import digest
 from harness.source_hashes import engine_code
 from harness.store.events import latest_verify_jobs
+from harness.store.records import AnyEvent
+from harness.suites import Check, suite
 
 if TYPE_CHECKING:
     from engines.interface import Engine
     from harness.config import VerifyConfig
-    from harness.verify.case import Case
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -41,39 +40,26 @@ def planned(config: VerifyConfig | None, engines: Mapping[str, Engine]) -> tuple
     """Every case in every precision that an engine has; none for an engine that renders nothing here: its cells say why."""
     if config is None:
         return ()
-    from harness.verify.subject import Skipped, accelerator_names, precisions
-    from harness.verify.suite import select_cases
-
-    found: list[VerifyJob] = []
-    for name, engine in engines.items():
-        with suppress(Skipped):
-            found += [
-                _job(config, name, engine, precision, accelerator, case)
-                for precision in precisions(engine)
-                for case in select_cases(config.cases)
-                for accelerator in (accelerator_names(engine) if case.each_accelerator else ["auto"])
-            ]
-    return tuple(found)
+    return tuple(
+        _job(config, name, engine, check) for name, engine in engines.items() for check in suite().checks(engine, config.cases)
+    )
 
 
-def _job(config: VerifyConfig, name: str, engine: Engine, precision: str, accelerator: str, case: Case) -> VerifyJob:
-    source = inspect.getsource(inspect.getmodule(case.check) or case.check)
+def _job(config: VerifyConfig, name: str, engine: Engine, check: Check) -> VerifyJob:
     preimage = {
         "engine": name if ":" not in name else engine.name,
         "engine_version": str(engine.version),
         "engine_code": engine_code(engine, name),
-        "precision": precision,
-        "accelerator": accelerator,
-        "case": case.id,
+        "precision": check.precision,
+        "accelerator": check.accelerator,
+        "case": check.case,
         "quick": config.quick,
-        "code": hashlib.sha256(source.encode()).hexdigest(),
+        "code": hashlib.sha256(check.source.encode()).hexdigest(),
     }
     return VerifyJob(digest(preimage), name, preimage, config.timeout_seconds)
 
 
-def todo(wanted: Iterable[VerifyJob], events: Iterable[Mapping[str, Any]], retry: bool) -> list[VerifyJob]:
+def todo(wanted: Iterable[VerifyJob], events: Iterable[AnyEvent], retry: bool) -> list[VerifyJob]:
     """The jobs without a result; with `retry` those that failed, too."""
     known = latest_verify_jobs(events)
-    return [
-        each for each in wanted if each.verify_job_id not in known or (retry and known[each.verify_job_id]["state"] != "done")
-    ]
+    return [each for each in wanted if each.verify_job_id not in known or (retry and known[each.verify_job_id].state != "done")]

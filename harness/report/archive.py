@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import re
 import shutil
-from collections.abc import Container, Mapping
+from collections.abc import Container, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,13 +21,14 @@ from harness import store
 from harness.analysis import Analysis, analyse, archived_verdicts, calibration
 from harness.report.html.pictures import rounded, shown_images
 from harness.store import confined, reference_files
+from harness.store.records import AnyEvent, ArchivedVerdicts, Attempt, Calibration, Cell, Reference, Start, transformed
 from harness.store.results import load_results
 
 DIGITS = 6
 MOST_IMAGES = 2
 """Of a scene and shader: that many images at the end of the budget, and as many at equal time."""
 MEASURED = ("phases", "counters", "machine", "wall_seconds")
-DROPPED = ("start", "attempt", "sentinel", archived_verdicts.EVENT, calibration.EVENT)
+DROPPED = (Start, Attempt, ArchivedVerdicts, Calibration)
 """Kinds of events that say nothing about what counts, or are written anew."""
 FOLDERS = re.compile(r"""(?<![\w./~])/(?:[^\s/'"]+/)+""")
 """The folders of an absolute path."""
@@ -62,50 +63,39 @@ def _clear(out: Path) -> None:
 def _write(analysis: Analysis, kept: Mapping[str, Path], folder: Path, out: Path) -> None:
     with store.Events(out) as events:
         for event in _still_counting(store.read_events(folder)):
-            events.append(without_folders(_shortened(event, kept, folder, out)))
-        events.append(_rounded(archived_verdicts.event(analysis)))
-        events.append(_rounded(calibration.as_record(calibration.calibrate(analysis))))
+            events.append(transformed(_shortened(event, kept, folder, out), without_folders))
+        events.append(transformed(archived_verdicts.archived(analysis), _rounded))
+        events.append(transformed(calibration.calibrate(analysis), _rounded))
     store.compress(out)
-    store.write_json(out / store.MANIFEST, without_folders(store.read_manifest(folder)))
+    store.write_manifest(out, transformed(store.read_manifest(folder), without_folders))
     for image, source in kept.items():
         target = confined.inside(out, image, f"{out}: image")
         target.parent.mkdir(parents=True, exist_ok=True)
         write_image(target, rounded(read_image(source)))
 
 
-def _still_counting(events: list[dict[str, Any]]) -> list[dict[str, Any]]:
+def _still_counting(events: Sequence[AnyEvent]) -> list[AnyEvent]:
     """Of each cell the last event, unless it is outdated; all others but those of `DROPPED` kinds."""
-    latest = store.latest_cells(events)
-    others = [event for event in events if event["event"] not in ("cell", *DROPPED)]
-    return [*others, *(cell for cell in latest.values() if cell["state"] != "outdated")]
+    others = [event for event in events if not isinstance(event, (Cell, *DROPPED))]
+    return [*others, *(cell for cell in store.latest_cells(events).values() if cell.state != "outdated")]
 
 
-def _shortened(event: dict[str, Any], kept: Container[str], folder: Path, out: Path) -> dict[str, Any]:
+def _shortened(event: AnyEvent, kept: Container[str], folder: Path, out: Path) -> AnyEvent:
     """An event as it stands in the archive."""
-    if event["event"] == "reference":
+    if isinstance(event, Reference):
         reference_files.carry(folder, event, out, small=True)
-        return {key: value for key, value in event.items() if key != "folder"}
-    if event["event"] != "cell":
+    if not isinstance(event, Cell):
         return event
-    points = [{**point, "image": point["image"] if point.get("image") in kept else None} for point in event["points"]]
-    return {**event, **{key: _rounded(event[key]) for key in MEASURED if key in event}, "points": _rounded(points)}
+    points = tuple(point.replaced(image=point.image if point.image and point.image in kept else None) for point in event.points)
+    measured = {name: transformed(getattr(event, name), _rounded) for name in MEASURED if name in event.model_fields_set}
+    return event.replaced(**measured, points=transformed(points, _rounded))
 
 
 def without_folders(value: Any) -> Any:
-    """The same data; in its texts `/folder/x.yaml` is `x.yaml`."""
-    if isinstance(value, Mapping):
-        return {key: without_folders(child) for key, child in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [without_folders(child) for child in value]
+    """A text in which `/folder/x.yaml` is `x.yaml`; other values as they are."""
     return FOLDERS.sub("", value) if isinstance(value, str) else value
 
 
 def _rounded(value: Any) -> Any:
-    """The same data with floats to `DIGITS` significant digits."""
-    if isinstance(value, Mapping):
-        return {key: _rounded(child) for key, child in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_rounded(child) for child in value]
-    if isinstance(value, float) and math.isfinite(value):
-        return float(f"{value:.{DIGITS}g}")
-    return value
+    """A number to `DIGITS` significant digits; other values as they are."""
+    return float(f"{value:.{DIGITS}g}") if isinstance(value, float) and math.isfinite(value) else value

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 from time import monotonic
@@ -18,7 +19,6 @@ from typing import Any
 import numpy as np
 
 from engines.errors import ConfigError
-from harness.analysis.equivalence import bounds
 from harness.hashing import digest
 from harness.measure import machine
 from harness.measure.pool import WorkerFailed
@@ -28,6 +28,7 @@ from harness.run.references import Images, Report, held, replicates
 from harness.statistics import equivalence
 from harness.statistics.equivalence import Array
 from harness.store import read_json, validation, write_json
+from harness.store.records import Certificate
 
 SEEDS_AWAY = 1 << 20
 """The first seed, from the reference's: what is compared is no part of it."""
@@ -61,21 +62,25 @@ def spec_of(wanted: PlannedReference) -> dict[str, Any]:
     }
 
 
-def existing(wanted: PlannedReference, root: Path) -> dict[str, Any] | None:
-    """The certificate that is there and still answers its spec, as an event."""
+def existing(wanted: PlannedReference, root: Path) -> Certificate | None:
+    """The certificate that is there and still answers its spec."""
     path = path_of(wanted, root)
     if not path.exists():
         return None
     try:
         found = read_json(path)
-        validation.event(found, str(path))
+        if isinstance(found, dict) and found.get("certificate_id") != digest(spec_of(wanted)):
+            return None
+        certificate = validation.event(found, str(path))
+        if not isinstance(certificate, Certificate):
+            raise ConfigError(f"{path}: event = {certificate.event!r}: a certificate is expected")
     except (OSError, ConfigError) as error:
         raise ConfigError(f"{path}: cannot be read: {error}: remove it to make it anew") from error
-    return found if found.get("certificate_id") == digest(spec_of(wanted)) else None
+    return certificate
 
 
-def make(wanted: PlannedReference, root: Path, pool: Images, report: Report) -> dict[str, Any]:
-    """Renders, compares, writes the certificate and returns it as an event. Raises `WorkerFailed`.
+def make(wanted: PlannedReference, root: Path, pool: Images, report: Report) -> Certificate:
+    """Renders, compares, writes the certificate and returns it. Raises `WorkerFailed`.
 
     An engine that cannot render the scene is no failure: the verdict is then "impossible". While another process works on the
     same reference this one waits.
@@ -84,32 +89,31 @@ def make(wanted: PlannedReference, root: Path, pool: Images, report: Report) -> 
         return existing(wanted, root) or _made(wanted, root, pool, report)
 
 
-def _made(wanted: PlannedReference, root: Path, pool: Images, report: Report) -> dict[str, Any]:
+def _made(wanted: PlannedReference, root: Path, pool: Images, report: Report) -> Certificate:
     certifier, spec = wanted.certifier, spec_of(wanted)
     assert certifier is not None
-    event: dict[str, Any] = {
-        "event": "certificate",
-        "certificate_id": digest(spec),
-        **spec,
-        "scene": wanted.scene_name,
-        "reference_engine": wanted.spec["engine"],
-        "spp": REPLICATES * certifier.spp,
-        "width": certifier.settings["width"],
-        "height": certifier.settings["height"],
-        "message": certifier.why_not or "",
-        "time": datetime.now(UTC).isoformat(timespec="seconds"),
-    }
-    if certifier.why_not:
-        event["verdict"] = "impossible"
-    else:
+    spp, compared = REPLICATES * certifier.spp, {}
+    if not certifier.why_not:
         theirs = _images(wanted, certifier.engine, certifier.settings, certifier.spp, REPLICATES, pool, report)
         ours = _images(
             wanted, wanted.spec["engine"], smaller(wanted.settings, certifier.factor), certifier.spp, len(theirs), pool
         )
         theirs = theirs[: len(ours)]  # time may have allowed fewer of ours
-        event |= equivalence(ours, theirs, wanted.margins, ALPHA).as_record() | {"spp": len(theirs) * certifier.spp}
-    write_json(path_of(wanted, root), {**event, "machine": machine.provenance()})
-    return event
+        compared = asdict(equivalence(ours, theirs, wanted.margins, ALPHA))
+        spp = len(theirs) * certifier.spp
+    certificate = Certificate(
+        **{**spec, "margins": tuple(wanted.margins), "verdict": "impossible", **compared},
+        certificate_id=digest(spec),
+        scene=wanted.scene_name,
+        reference_engine=wanted.spec["engine"],
+        spp=spp,
+        width=certifier.settings["width"],
+        height=certifier.settings["height"],
+        message=certifier.why_not or "",
+        time=datetime.now(UTC).isoformat(timespec="seconds"),
+    )
+    write_json(path_of(wanted, root), {**certificate.model_dump(), "machine": machine.provenance()})
+    return certificate
 
 
 def _images(
@@ -137,34 +141,3 @@ def _images(
         if monotonic() - begun > MOST_SECONDS and len(found) >= FEWEST:
             break
     return found
-
-
-# --- words ----------------------------------------------------------------------------------------------------------
-
-
-def certifies(event: Mapping[str, Any]) -> bool:
-    """Whether a certificate holds: the same image, by an engine that is known to be of another lineage."""
-    lineage, reference = event.get("lineage"), event.get("reference_lineage")
-    return event["verdict"] in ("identical", "equivalent") and None not in (lineage, reference) and lineage != reference
-
-
-def refutes(event: Mapping[str, Any]) -> bool:
-    return event["verdict"] == "different"
-
-
-def words(event: Mapping[str, Any]) -> str:
-    """A certificate in a sentence."""
-    if event["verdict"] == "impossible":
-        return f"uncertified: {event['message']}"
-    if event.get("lineage") is None or event.get("image_bound") is None:
-        return f"uncertified: {event['engine']} was compared by an older rule, which did not require another lineage"
-    if event["lineage"] == event.get("reference_lineage"):
-        return f"uncertified: {event['engine']} is of the reference's own lineage, {event['lineage']}"
-    size = f"{event['width']}x{event['height']}, " if event.get("width") else ""
-    by = f"{event['engine']} ({size}{event['spp']} spp)"
-    seen = bounds(event["image_bound"], event["tile_bound"])
-    if certifies(event):
-        return f"certified by {by}: {seen}"
-    if refutes(event):
-        return f"REFUTED: {by} makes another image: {seen}"
-    return f"uncertified: {by} is unresolved, more samples are needed: {seen}"

@@ -5,8 +5,7 @@ The bar is drawn only between passes: a thread that redraws it would take time f
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, Protocol
+from typing import Protocol
 
 from rich.console import Console
 from rich.markup import escape
@@ -14,6 +13,7 @@ from rich.progress import BarColumn, Progress, TextColumn
 from rich.text import Text
 
 from harness.plan.cells import Cell, flow
+from harness.store import records
 
 BAR_WIDTH = 10
 COLOURS = {"done": "green", "failed": "red", "timeout": "yellow", "skipped": "dim", "outdated": "dim", "queued": "cyan"}
@@ -26,7 +26,7 @@ class Listener(Protocol):
     def reference(self, name: str, done: int, wanted: int) -> None: ...
     def cell(self, cell: Cell, number: int, total: int, seconds_left: float) -> None: ...
     def point(self, spp: int, seconds: float) -> None: ...
-    def finished(self, cell: Cell, event: Mapping[str, Any]) -> None: ...
+    def finished(self, cell: Cell, event: records.Cell) -> None: ...
     def verify_job(self, name: str, number: int, total: int) -> None: ...
 
 
@@ -90,13 +90,13 @@ class Terminal:
     def point(self, spp: int, seconds: float) -> None:
         self._draw(f"{self._left}: {spp} spp in {duration(seconds)}, {self._words}", self._number, self._total)
 
-    def finished(self, cell: Cell, event: Mapping[str, Any]) -> None:
-        state = event["state"]
+    def finished(self, cell: Cell, event: records.Cell) -> None:
+        state = event.state
         words = f"[{self._number + 1}/{self._total}] {describe(cell)}: {state}"
-        if event["points"]:
-            words += f", {event['points'][-1]['spp']} spp in {duration(event['points'][-1]['seconds'])}"
-        if event["message"]:
-            words += f": {event['message']}"
+        if event.points:
+            words += f", {event.end.spp} spp in {duration(event.end.seconds)}"
+        if event.message:
+            words += f": {event.message}"
         if not self.console.is_terminal or state != "done":
             self.console.print(
                 escape(words), style=None if state == "done" else COLOURS[state], highlight=False, soft_wrap=True

@@ -15,14 +15,18 @@ from typing import Any
 from engines.errors import ConfigError
 from harness import metrics, store
 from harness.hashing import digest
-from harness.measure import contention, films, machine
+from harness.measure import films, machine
+from harness.measure.messages import End, Imported, Prepared
+from harness.measure.messages import Point as MeasuredPoint
 from harness.measure.pool import WorkerFailed, WorkerMessage, WorkerTimeout
 from harness.plan.cells import Cell, Plan
 from harness.plan.state import up_to_date
+from harness.run.contended import contended_by_cpu_time
 from harness.run.progress import Listener
-from harness.store import reference_files, validation
+from harness.store import records, reference_files, validation
+from harness.store.records import BROKEN, AnyEvent, Attempt, Environment, Point, Start, VerifyJob
 
-BROKEN = ("failed", "timeout")
+UNUSABLE = "the engine's figures are unusable"
 SHARED_SPP = (1, 4, 16)
 """Checkpoints of which `images: some` keeps every seed's picture: there engines of any speed can be compared."""
 
@@ -47,17 +51,17 @@ class Recorder:
         self._refused: set[str] = set()
         self._attempts = Attempts(self.history)
 
-    def append(self, event: Mapping[str, Any]) -> None:
+    def append(self, event: AnyEvent) -> None:
         self._events.append(event)
-        self.history.append(dict(event))
+        self.history.append(event)
         self._attempts.add(event)
-        if event["event"] == "cell":
-            self.latest[event["cell_id"]] = dict(event)
+        if isinstance(event, records.Cell):
+            self.latest[event.cell_id] = event
 
     def record_environment(self, env_id: str, preimage: Mapping[str, Any]) -> None:
         """Says once what an environment id stands for."""
-        if not any(e["event"] == "environment" and e["env_id"] == env_id for e in self.history):
-            self.append({"event": "environment", "env_id": env_id, "preimage": dict(preimage)})
+        if not any(known.env_id == env_id for known in store.of_kind(self.history, Environment)):
+            self.append(Environment(env_id=env_id, preimage=dict(preimage)))
 
     # --- what is left to do -----------------------------------------------------------------------------------------
 
@@ -66,7 +70,7 @@ class Recorder:
 
         def wanted(cell: Cell) -> bool:
             event = self.latest.get(cell.cell_id)
-            again = self._retry and event is not None and event["state"] in BROKEN
+            again = self._retry and event is not None and event.state in BROKEN
             return not cell.skip and (again or not up_to_date(cell, event, self.metric))
 
         return [cell for cell in self.plan.cells if wanted(cell)]
@@ -86,10 +90,10 @@ class Recorder:
 
     # --- what is measured again -------------------------------------------------------------------------------------
 
-    def contended_again(self, possible: Callable[[Mapping[str, Any]], bool]) -> Iterator[list[Cell]]:
+    def contended_again(self, possible: Callable[[records.Cell], bool]) -> Iterator[list[Cell]]:
         """Contended cells, round after round, until none is left or the config's rounds are used up, over all runs.
 
-        `possible` says of a cell's event whether the cell can be measured again under the same conditions.
+        `possible` says of a cell's measurement whether the cell can be measured again under the same conditions.
         """
         rounds = self.plan.experiment.remeasure
         for number in range(1, rounds + 1):
@@ -106,24 +110,25 @@ class Recorder:
 
         def is_contended(cell: Cell) -> bool:
             event = self.latest.get(cell.cell_id)
-            measured = event is not None and event["state"] == "done" and up_to_date(cell, event, self.metric)
-            return measured and event is not None and bool(event["machine"].get("contended"))
+            if event is None or event.state != "done" or not up_to_date(cell, event, self.metric):
+                return False
+            return bool(event.machine.contended)
 
         left = [cell for cell in self.plan.cells if number is None or self._attempts.of(cell.cell_id) < number]
         return [cell for cell in left if is_contended(cell)]
 
     def _judge_by_cpu_time(self) -> None:
         """Marks the cells that only a comparison of blocks shows to be contended."""
-        contestants: dict[tuple[Any, ...], list[dict[str, Any]]] = {}
+        contestants: dict[tuple[Any, ...], dict[str, records.Machine]] = {}
         for event in self.latest.values():
-            if event["state"] == "done":
-                contestant = event.get("configuration"), event.get("label"), event.get("env_id")
-                contestants.setdefault(contestant, []).append(event)
-        for events in contestants.values():
-            for cell_id in contention.contended_by_cpu_time(events):
+            if event.state == "done":
+                contestant = event.configuration, event.label, event.env_id
+                contestants.setdefault(contestant, {})[event.cell_id] = event.machine
+        for machines in contestants.values():
+            for cell_id in contended_by_cpu_time(machines):
                 event = self.latest[cell_id]
-                if not event["machine"].get("contended"):
-                    self.append({**event, "machine": {**event["machine"], "contended": True}})
+                if not event.machine.contended:
+                    self.append(event.replaced(machine=event.machine.replaced(contended=True)))
 
     def next_attempt(self, cell: Cell) -> int:
         """The number of the next measurement of a cell in a round of `contended_again`."""
@@ -134,26 +139,23 @@ class Recorder:
     def begin(self, cell: Cell, attempt: int = 1) -> None:
         """Says that a cell is being measured, and removes what an interrupted attempt of that number left."""
         store.discard_images(self.folder, cell.cell_id, attempt)
-        now = datetime.now(UTC).isoformat()
-        self._events.append({"event": "start", "cell_id": cell.cell_id, "attempt": attempt, "time": now})
+        self._events.append(Start(cell_id=cell.cell_id, attempt=attempt, time=datetime.now(UTC).isoformat()))
 
-    def finish(self, cell: Cell, event: Mapping[str, Any]) -> None:
-        """Puts a cell's event on disk. A repetition that is contended again, or fails, leaves the measurement that counts."""
-        again = event.get("attempt", 1) > 1
-        counts = event["state"] == "done" and not event["machine"].get("contended")
-        event = {**event, "event": "attempt"} if again and not counts else event
-        self.append(event)
+    def finish(self, cell: Cell, event: records.Cell) -> None:
+        """Puts a cell's measurement on disk. A repetition that is contended again, or fails, leaves the one that counts."""
+        counts = event.attempt == 1 or (event.state == "done" and not event.machine.contended)
+        self.append(event if counts else Attempt.of(event))
         self.measured += 1
         self.listener.finished(cell, event)
-        if event["event"] == "cell":
+        if counts:
             self.stop_if_broken(event)
 
-    def stop_if_broken(self, event: Mapping[str, Any]) -> None:
+    def stop_if_broken(self, event: records.Cell | VerifyJob) -> None:
         """With `fail_fast`, the first failure ends the run."""
-        self.stopped = self._fail_fast and event["state"] in BROKEN
+        self.stopped = self._fail_fast and event.state in BROKEN
 
-    def measured_as(self, record: CellRecord, messages: Iterable[WorkerMessage]) -> dict[str, Any]:
-        """The event of a cell that has been measured, has failed or was killed at its timeout."""
+    def measured_as(self, record: CellRecord, messages: Iterable[WorkerMessage]) -> records.Cell:
+        """The measurement of a cell that was measured to its end, has failed or was killed at its timeout."""
         cell, state, message = record.cell, "done", ""
         try:
             record.follow(messages)
@@ -162,25 +164,20 @@ class Recorder:
         except WorkerTimeout:
             state, message = "timeout", f"killed after {cell.budget.timeout_seconds:g} s"
         record.keep_last_image()
-        spp = record.points[-1]["spp"] if record.points else 0
+        spp = record.points[-1].spp if record.points else 0
         known = {"env_id": record.env_id, "attempt": record.attempt}
-        event = {
-            **self.event(cell, state, message, spp),
-            **known,
-            "phases": record.phases,
-            "points": record.points,
-            "counters": record.counters,
-            "machine": record.disturbance,
-        }
+        measured = {"phases": record.phases, "points": tuple(record.points), "counters": record.counters}
         try:
-            validation.event(event, "the engine's figures are unusable")
+            return self.event(cell, state, message, spp, **known, **measured, machine=record.disturbance)
         except ConfigError as error:  # it must not make the whole folder unreadable
-            return {**self.event(cell, "failed", str(error)), **known}
-        return event
+            return self.event(cell, "failed", str(error), **known)
 
-    def event(self, cell: Cell, state: str, message: str, spp: int = 0) -> dict[str, Any]:
-        """An event that says everything about a cell but what was measured; `spp` are those of its last image."""
-        return {
+    def event(self, cell: Cell, state: str, message: str, spp: int = 0, **more: Any) -> records.Cell:
+        """What is said of a cell, with what was measured in `more`; `spp` are those of its last image.
+
+        Raises `ConfigError` where the engine's figures are unusable.
+        """
+        fields = {
             "event": "cell",
             "cell_id": cell.cell_id,
             "configuration": cell.configuration,
@@ -197,7 +194,7 @@ class Recorder:
             "smooth_sampler": cell.smooth_sampler,
             "reproducible": cell.reproducible,
             "division": cell.division,
-            **({"raced": dict(cell.raced)} if cell.raced else {}),
+            **({"raced": cell.raced} if cell.raced else {}),
             "engine": cell.engine_name,
             "engine_version": cell.spec["engine_version"],
             **cell.settings,
@@ -206,11 +203,9 @@ class Recorder:
             "separate_renders": bool(cell.patterns),
             "command": cell.command(spp or cell.budget.max_spp),
             "time": datetime.now(UTC).isoformat(timespec="seconds"),
-            "phases": {},
-            "points": [],
-            "counters": {},
-            "machine": {},
+            **more,
         }
+        return validation.made(records.Cell, fields, UNUSABLE, "cell.")
 
     def reference(self, reference_id: str) -> Any:
         """The arrays of a reference, read and checked once."""
@@ -226,7 +221,7 @@ class CellRecord:
     def __init__(self, recorder: Recorder, cell: Cell, env_id: str, attempt: int = 1) -> None:
         self.recorder, self.cell, self.env_id, self.attempt = recorder, cell, env_id, attempt
         self.phases: dict[str, float] = {}
-        self.points: list[dict[str, Any]] = []
+        self.points: list[Point] = []
         self.counters: dict[str, float] = {}
         self.disturbance: dict[str, Any] = {}
         self._last_film: Any = None
@@ -235,86 +230,91 @@ class CellRecord:
         """Collects the messages of a worker until its end; failures and timeouts are raised by `messages`."""
         reference = self.recorder.reference(str(self.cell.reference_id))
         for message, film in messages:
-            fields = {key: value for key, value in message.items() if key != "did"}
-            if message["did"] == "import":
-                self._imported(**fields)
-            elif message["did"] == "prepared":
-                self.phases.update(fields)
-            elif message["did"] == "point":
-                self._point(fields, film, reference)
-            elif message["did"] == "end":
-                self._ended(fields.get("counters", {}))
-                self.disturbance = fields.get("machine", {})
-                self.phases |= {key: fields[key] for key in ("warm_build_seconds",) if key in fields}
+            if isinstance(message, Imported):
+                self._imported(message)
+            elif isinstance(message, Prepared):
+                self.phases.update(message._asdict())
+            elif isinstance(message, MeasuredPoint):
+                self._point(message, film, reference)
+            else:
+                self._ended(message)
 
-    def _ended(self, counters: Mapping[str, float]) -> None:
-        bad = max(counters.get("bad_samples", 0.0), self.counters.get("bad_samples", 0.0))
-        self.counters = {**counters, **self.counters, "bad_samples": bad}
+    def _ended(self, end: End) -> None:
+        bad = max(end.counters.get("bad_samples", 0.0), self.counters.get("bad_samples", 0.0))
+        self.counters = {**end.counters, **self.counters, "bad_samples": bad}
+        self.disturbance = dict(end.machine)
+        if end.warm_build_seconds is not None:
+            self.phases["warm_build_seconds"] = end.warm_build_seconds
 
-    def _imported(self, seconds: float, version: str, code: str) -> None:
+    def _imported(self, found: Imported) -> None:
         planned = str(self.cell.spec["engine_version"])
-        if version != planned:
-            raise WorkerFailed(f"the engine is version {version} where it was to render, {planned} where it was planned")
+        if found.version != planned:
+            raise WorkerFailed(f"the engine is version {found.version} where it was to render, {planned} where it was planned")
         # Elsewhere native libraries of the same version may be other files.
-        if self.env_id == self.recorder.env_id and code != self.cell.spec["code"]["engine"]:
+        if self.env_id == self.recorder.env_id and found.code != self.cell.spec["code"]["engine"]:
             raise WorkerFailed("the engine's code has changed since the run began: run again")
-        self.phases["import_seconds"] = seconds
+        self.phases["import_seconds"] = found.seconds
 
-    def _point(self, answer: Mapping[str, Any], film: Any, reference: Any) -> None:
-        self.phases["render_seconds"] = answer["seconds"]
+    def _point(self, found: MeasuredPoint, film: Any, reference: Any) -> None:
+        self.phases["render_seconds"] = found.seconds
         image, quality = films.image_of(film), self.recorder.plan.experiment.quality
         scores = metrics.measure(image, reference, quality.epsilon, quality.metric)
         said = {"metrics": {key: float(value) for key, value in scores.items()}, "film_variance": films.claimed_variance(film)}
-        if answer.get("overshoots"):
+        if found.overshoots:
             said["mean_spp"] = float(film.counts.mean())
-        self.points.append({**answer, **said, "image": None})
         if self.cell.patterns:
-            self.points[-1]["sampler"] = dict(self.cell.sampler(answer["spp"]))
+            said["sampler"] = self.cell.sampler(found.spp)
+        measured = {"spp": found.spp, "seconds": found.seconds, "rays": found.rays}
+        try:
+            place = f"cell.points[{len(self.points)}]."
+            self.points.append(validation.made(Point, {**measured, **said, "image": None}, UNUSABLE, place))
+        except ConfigError as error:
+            raise WorkerFailed(str(error)) from error
         self._last_film = film
         self.counters["bad_samples"] = float(film.bad_samples)
         if bad := films.bad_pixels(image):
             self._last_film = None
             raise WorkerFailed(
-                f"{bad} of {film.width * film.height} pixels of the engine's image at {answer['spp']} spp are not finite: "
+                f"{bad} of {film.width * film.height} pixels of the engine's image at {found.spp} spp are not finite: "
                 "finite radiance is expected"
             )
         images = self.recorder.plan.experiment.images
-        wanted = self.cell.block == 0 or answer["spp"] in SHARED_SPP
+        wanted = self.cell.block == 0 or found.spp in SHARED_SPP
         if images == "all" or (images == "some" and wanted and self.cell.label is None):
             self._keep(film)
-        self.recorder.listener.point(answer["spp"], answer["seconds"])
+        self.recorder.listener.point(found.spp, found.seconds)
 
     def keep_last_image(self) -> None:
         """Writes the image of the last checkpoint, if images are expected and it is not there yet."""
-        if self._last_film is not None and self.recorder.plan.experiment.images != "none" and self.points[-1]["image"] is None:
+        if self._last_film is not None and self.recorder.plan.experiment.images != "none" and self.points[-1].image is None:
             self._keep(self._last_film)
 
     def _keep(self, film: Any) -> None:
         point = self.points[-1]
-        path = store.image_path(self.cell.cell_id, point["spp"], self.attempt)
+        path = store.image_path(self.cell.cell_id, point.spp, self.attempt)
         target = store.image_file(self.recorder.folder, path)
         target.parent.mkdir(parents=True, exist_ok=True)
-        measured = {key: point[key] for key in ("spp", "seconds", "metrics")}
+        measured = {"spp": point.spp, "seconds": point.seconds, "metrics": point.metrics}
         identity = {"cell_id": self.cell.cell_id, "env_id": self.env_id, "spec": dict(self.cell.spec)}
         film.save(target, provenance={**identity, **measured, "scene": self.cell.scene.name})
-        point["image"] = path
+        self.points[-1] = point.replaced(image=path)
 
 
 class Attempts:
     """How often each cell was measured again without a measurement that counts, since the last one that does."""
 
-    def __init__(self, events: Iterable[Mapping[str, Any]]) -> None:
+    def __init__(self, events: Iterable[AnyEvent]) -> None:
         self._number: Counter[str] = Counter()
-        self._measured: dict[str, Any] = {}
+        self._measured: dict[str, str] = {}
         for event in events:
             self.add(event)
 
-    def add(self, event: Mapping[str, Any]) -> None:
-        if event["event"] == "attempt":
-            self._number[event["cell_id"]] += 1
+    def add(self, event: AnyEvent) -> None:
+        if isinstance(event, Attempt):
+            self._number[event.cell_id] += 1
         # An event may be there twice, of one measurement: scored anew, or counting again.
-        elif event["event"] == "cell" and self._measured.get(event["cell_id"]) != event.get("time"):
-            self._number[event["cell_id"]], self._measured[event["cell_id"]] = 0, event.get("time")
+        elif isinstance(event, records.Cell) and self._measured.get(event.cell_id) != event.time:
+            self._number[event.cell_id], self._measured[event.cell_id] = 0, event.time
 
     def of(self, cell_id: str) -> int:
         return self._number[cell_id]

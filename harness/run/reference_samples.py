@@ -54,9 +54,9 @@ def pilot_of(wanted: PlannedReference, root: Path) -> Reference | None:
             meta = meta_of(path.parent)
         except ConfigError:
             continue
-        same = all(meta["spec"].get(key) == wanted.spec[key] for key in SAME)
-        spp = meta["done"] * meta["spec"]["replicate_spp"]
-        if same and meta["done"] >= 2 and (found is None or spp > found[0]):
+        spec, spp = meta.spec.preimage, meta.done * meta.spec.replicate_spp
+        same = all(spec.get(key) == wanted.spec[key] for key in SAME)
+        if same and meta.done >= 2 and (found is None or spp > found[0]):
             found = spp, path.parent
     if found is None:
         return None

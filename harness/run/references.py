@@ -27,13 +27,15 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from engines.choices import Choice
 from engines.errors import ConfigError
 from engines.film import Film
 from harness.measure import machine
 from harness.measure.pool import WorkerFailed
 from harness.plan.references import PlannedReference
-from harness.store import atomic, locks, write_json
-from harness.store.reference_files import EXR, META, checksum, film_in, meta_of, refuse_stale
+from harness.store import atomic, locks
+from harness.store.records import Reference, ReferenceMeta, ReferenceSpec
+from harness.store.reference_files import EXR, META, checksum, film_in, meta_of, refuse_stale, write_meta
 
 SAVE_EVERY_SECONDS = 20.0
 Report = Callable[[int, int], None]
@@ -55,12 +57,12 @@ def ready(wanted: PlannedReference, root: Path) -> bool:
         return False
     meta = meta_of(folder)
     refuse_stale(folder, meta, wanted.reference_id, wanted.scene_hash)
-    return bool(meta["complete"])
+    return meta.complete
 
 
 def make(
     wanted: PlannedReference, root: Path, pool: Images, report: Report, waits: Callable[[], None] = lambda: None
-) -> dict[str, Any]:
+) -> ReferenceMeta:
     """Renders what is missing and returns its metadata. Raises `WorkerFailed` when the engine fails.
 
     While another process makes the same reference this one waits, after a call of `waits`.
@@ -77,7 +79,7 @@ def held(wanted: PlannedReference, root: Path, waits: Callable[[], None] = lambd
     return locks.exclusive(folder.with_name(f"{folder.name}.lock"), waits)
 
 
-def _made(wanted: PlannedReference, root: Path, pool: Images, report: Report) -> dict[str, Any]:
+def _made(wanted: PlannedReference, root: Path, pool: Images, report: Report) -> ReferenceMeta:
     folder = wanted.folder(root)
     film, seconds = _start(wanted, root)
     first, count = film.spp, wanted.spec["replicates"]
@@ -118,21 +120,19 @@ def replicates(
     yield from pool.replicates(engine or wanted.spec["engine"], request, list(seeds))
 
 
-def event(wanted: PlannedReference, root: Path) -> dict[str, Any]:
+def event(wanted: PlannedReference, root: Path) -> Reference:
     """What `events.jsonl` says of a reference. Its id and its scene's hash say where it lies."""
-    meta = meta_of(wanted.folder(root))
-    return {
-        "event": "reference",
-        "scene": wanted.scene_name,
-        "scene_hash": wanted.scene_hash,
-        "reference_id": wanted.reference_id,
-        "engine": wanted.spec["engine"],
-        "spp": wanted.spp,
-        "width": wanted.spec["width"],
-        "height": wanted.spec["height"],
-        "shader": wanted.spec["shader"],
-        "seconds": meta["seconds"],
-    }
+    return Reference(
+        scene=wanted.scene_name,
+        scene_hash=wanted.scene_hash,
+        reference_id=wanted.reference_id,
+        engine=wanted.spec["engine"],
+        spp=wanted.spp,
+        width=wanted.spec["width"],
+        height=wanted.spec["height"],
+        shader=Choice.of(wanted.spec["shader"]),
+        seconds=meta_of(wanted.folder(root)).seconds,
+    )
 
 
 # --- on disk --------------------------------------------------------------------------------------------------------
@@ -144,17 +144,17 @@ def _start(wanted: PlannedReference, root: Path) -> tuple[Film, float]:
     A relative may be written by another process meanwhile, and then does not help.
     """
     own = wanted.folder(root)
-    found: list[tuple[int, Path, dict[str, Any]]] = []
+    found: list[tuple[int, Path, ReferenceMeta]] = []
     for path in sorted(own.parent.glob(f"*/{META}")):
         try:
             meta = meta_of(path.parent)
         except ConfigError:
             continue
-        if meta["family"] == wanted.family and meta["done"] <= wanted.spec["replicates"]:
-            found.append((meta["done"], path.parent, meta))
+        if meta.family == wanted.family and meta.done <= wanted.spec["replicates"]:
+            found.append((meta.done, path.parent, meta))
     for _, folder, meta in sorted(found, key=lambda each: each[0], reverse=True):
         try:
-            return film_in(folder, meta), meta["seconds"]
+            return film_in(folder, meta), meta.seconds
         except ConfigError:
             if folder == own:
                 raise
@@ -173,7 +173,7 @@ def _add(film: Film, replicate: Film, wanted: PlannedReference) -> None:
     film.add(image)
 
 
-def _save(folder: Path, wanted: PlannedReference, film: Film, seconds: float) -> dict[str, Any]:
+def _save(folder: Path, wanted: PlannedReference, film: Film, seconds: float) -> ReferenceMeta:
     """Writes arrays and image, then the metadata that names them, then removes the arrays that the metadata named before.
 
     A crash leaves one or the other. To be called with the reference `held`.
@@ -181,30 +181,31 @@ def _save(folder: Path, wanted: PlannedReference, film: Film, seconds: float) ->
     name = f"film-{film.spp:04d}.npz"
     with atomic.replacing(folder / name) as file:
         np.savez(file, sums=film.sums, squares=film.squares, even_sums=film.even_sums, counts=film.counts, bad_samples=0)
-    meta = {
-        "reference_id": wanted.reference_id,
-        "family": wanted.family,
-        "scene": wanted.scene_name,
-        "scene_hash": wanted.scene_hash,
-        "spec": dict(wanted.spec),
-        "done": film.spp,
-        "complete": film.spp == wanted.spec["replicates"],
-        "file": name,
-        "sha256": checksum(folder / name),
-        "seconds": seconds,
-        "time": datetime.now(UTC).isoformat(timespec="seconds"),
-        "machine": machine.provenance(),
-    }
-    if meta["complete"]:
+    meta = ReferenceMeta(
+        reference_id=wanted.reference_id,
+        family=wanted.family,
+        scene=wanted.scene_name,
+        scene_hash=wanted.scene_hash,
+        spec=ReferenceSpec(**wanted.spec),
+        done=film.spp,
+        complete=film.spp == wanted.spec["replicates"],
+        file=name,
+        sha256=checksum(folder / name),
+        seconds=seconds,
+        time=datetime.now(UTC).isoformat(timespec="seconds"),
+        machine=machine.provenance(),
+    )
+    if meta.complete:
         film.save(folder / EXR, provenance=_text(meta))
-    before = meta_of(folder)["file"] if (folder / META).exists() else name
-    write_json(folder / META, meta)
+    before = meta_of(folder).file if (folder / META).exists() else name
+    write_meta(folder, meta)
     if before != name:
         with suppress(OSError):
             (folder / before).unlink()
     return meta
 
 
-def _text(meta: Mapping[str, Any]) -> dict[str, str]:
+def _text(meta: ReferenceMeta) -> dict[str, str]:
     """Metadata for an image's header."""
-    return {key: json.dumps(meta[key]) for key in ("reference_id", "scene", "scene_hash", "spec", "time")}
+    shown = meta.model_dump(include={"reference_id", "scene", "scene_hash", "spec", "time"})
+    return {key: json.dumps(value) for key, value in shown.items()}

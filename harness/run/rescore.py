@@ -16,6 +16,7 @@ from harness import config, metrics, store
 from harness.analysis.targets import automatic_targets
 from harness.config import Quality
 from harness.hashing import digest
+from harness.store.records import AnyEvent, Cell, Manifest, Run, Targets
 
 
 def rescore(folder: Path, overrides: Sequence[str] = (), command: Sequence[str] = ()) -> tuple[int, int]:
@@ -33,15 +34,14 @@ def rescore(folder: Path, overrides: Sequence[str] = (), command: Sequence[str] 
         for cell in cells:
             events.append(cell)
         if overrides:
-            latest = {**store.latest_cells(history), **{cell["cell_id"]: cell for cell in cells}}
-            _record(manifest, quality, events, latest, command)
-            store.write_json(folder / store.MANIFEST, manifest)
+            latest = {**store.latest_cells(history), **{cell.cell_id: cell for cell in cells}}
+            _record(folder, manifest, quality, events, latest, command)
     return scored, without
 
 
-def _quality(manifest: Mapping[str, Any], overrides: Sequence[str]) -> Quality:
+def _quality(manifest: Manifest, overrides: Sequence[str]) -> Quality:
     """The quality that the folder's config, with overrides applied."""
-    given = (manifest.get("config") or {}).get("quality")
+    given = manifest.config.get("quality")
     if given is None:
         raise ConfigError(f"{store.MANIFEST} config.quality: is missing: it is not known what was to be measured")
     text = json.dumps({"quality": given})
@@ -51,55 +51,45 @@ def _quality(manifest: Mapping[str, Any], overrides: Sequence[str]) -> Quality:
     return config.read_quality(root)
 
 
-def _scored(folder: Path, history: Sequence[dict[str, Any]], quality: Quality) -> tuple[list[dict[str, Any]], int, int]:
+def _scored(folder: Path, history: Sequence[AnyEvent], quality: Quality) -> tuple[list[Cell], int, int]:
     """Events of cells whose scores have changed; checkpoints scored; checkpoints without an image."""
     references: dict[str, Any] = {}
-    changed: list[dict[str, Any]] = []
+    changed: list[Cell] = []
     scored = without = 0
     for cell in store.latest_cells(history).values():
-        if cell["state"] not in ("done", "timeout") or not cell["points"]:
+        if cell.state not in ("done", "timeout") or not cell.points:
             continue
-        key = cell["reference_id"]
+        key = str(cell.reference_id)
         if key not in references:
             references[key] = store.reference_arrays(folder, key)
         points = []
-        for point in cell["points"]:
-            if not point["image"]:
+        for point in cell.points:
+            if not point.image:
                 without += 1
                 points.append(point)
                 continue
-            file = store.image_file(folder, point["image"])
+            file = store.image_file(folder, point.image)
             image = read_image(file)
             if image.shape != references[key].mean.shape:
                 raise ConfigError(f"{file}: is of shape {image.shape}: its reference is of {references[key].mean.shape}")
             scores = metrics.measure(image, references[key], quality.epsilon, quality.metric)
-            points.append({**point, "metrics": {**point["metrics"], **scores}})
+            points.append(point.replaced(metrics={**point.metrics, **{key: float(value) for key, value in scores.items()}}))
             scored += 1
-        if points != cell["points"]:
-            changed.append({**cell, "points": points})
+        if points != list(cell.points):
+            changed.append(cell.replaced(points=tuple(points)))
     return changed, scored, without
 
 
 def _record(
-    manifest: dict[str, Any],
-    quality: Quality,
-    events: store.Events,
-    latest: Mapping[str, Mapping[str, Any]],
-    command: Sequence[str],
+    folder: Path, manifest: Manifest, quality: Quality, events: store.Events, latest: Mapping[str, Cell], command: Sequence[str]
 ) -> None:
     """The new quality in manifest and events, with its targets; `auto` ones of another metric are resolved now."""
     now = datetime.now(UTC).isoformat(timespec="seconds")
     changed = quality.name != _quality(manifest, ()).name
-    manifest["config"]["quality"] = {**asdict(quality), "targets": list(quality.targets or []) or "auto"}
-    events.append(
-        {
-            "event": "run",
-            "time": now,
-            "run_id": digest([now, *command]),
-            "command": list(command),
-            "config_name": manifest.get("config_name", manifest.get("name")),
-        }
-    )
-    targets = list(quality.targets or ()) or (automatic_targets(latest.values(), quality.name) if changed else [])
+    written = {**asdict(quality), "targets": list(quality.targets or []) or "auto"}
+    store.write_manifest(folder, manifest.replaced(config={**manifest.config, "quality": written}))
+    name = manifest.config_name or manifest.name
+    events.append(Run(time=now, run_id=digest([now, *command]), command=tuple(command), config_name=name))
+    targets = quality.targets or (automatic_targets(latest.values(), quality.name) if changed else ())
     if targets:
-        events.append({"event": "targets", "metric": quality.name, "targets": targets})
+        events.append(Targets(metric=quality.name, targets=tuple(targets)))

@@ -8,13 +8,14 @@ computes errors or draws progress no ray is traced.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from harness import store
+from harness.analysis.certificates import certificate_text, certifies
 from harness.analysis.targets import automatic_targets
 from harness.hashing import digest
 from harness.measure import machine
@@ -26,8 +27,9 @@ from harness.plan.state import up_to_date
 from harness.run import certificates, reference_samples, references, verify_jobs
 from harness.run.executors import local
 from harness.run.progress import Listener
-from harness.run.recorder import BROKEN, Recorder
-from harness.store import confined
+from harness.run.recorder import Recorder
+from harness.store import confined, records
+from harness.store.records import BROKEN, Manifest, Run, Targets
 from harness.store.validation import FORMAT_VERSION
 
 if TYPE_CHECKING:
@@ -58,7 +60,7 @@ class Outcome:
 
     measured: int = 0
     states: dict[str, int] = field(default_factory=dict)
-    failures: list[tuple[Cell, Mapping[str, Any]]] = field(default_factory=list)
+    failures: list[tuple[Cell, records.Cell]] = field(default_factory=list)
     failed_verify_jobs: list[str] = field(default_factory=list)
     """Verify jobs that failed or timed out, each with its message."""
     stopped: bool = False
@@ -112,30 +114,23 @@ class Sweep:
         self._write_manifest(now, bool(todo or jobs))
         if todo or jobs:
             run_id = digest([now, *(cell.cell_id for cell in todo), *(each.verify_job_id for each in jobs)])
-            self.recorder.append(
-                {
-                    "event": "run",
-                    "time": now,
-                    "run_id": run_id,
-                    "command": list(self.options.command),
-                    "config_name": experiment.name,
-                }
-            )
+            command = tuple(self.options.command)
+            self.recorder.append(Run(time=now, run_id=run_id, command=command, config_name=experiment.name))
         self.recorder.record_environment(self.recorder.env_id, self.recorder.environment)
         self._note_other_machines()
         self._note_skipped()
         if experiment.quality.targets is not None:
-            self._append_targets(list(experiment.quality.targets))
+            self._append_targets(experiment.quality.targets)
         planned = {cell.cell_id for cell in self.plan.cells}
         for cell_id, event in list(self.recorder.latest.items()):
-            if cell_id not in planned and event["state"] != "outdated":
-                self.recorder.append({**event, "state": "outdated", "message": "no longer in the experiment"})
+            if cell_id not in planned and event.state != "outdated":
+                self.recorder.append(event.replaced(state="outdated", message="no longer in the experiment"))
         for cell in self.plan.cells:
             if cell.skip and not up_to_date(cell, self.recorder.latest.get(cell.cell_id), self.recorder.metric):
                 self.recorder.append(self.recorder.event(cell, "skipped", cell.skip))
             known = self.recorder.latest.get(cell.cell_id)
-            if known is not None and known.get("division", "closed") != cell.division:
-                self.recorder.append({**known, "division": cell.division})
+            if known is not None and known.division != cell.division:
+                self.recorder.append(known.replaced(division=cell.division))
 
     def _note_skipped(self) -> None:
         """A line for each engine and reason: the engine, or how many of its cells where others are measured."""
@@ -156,52 +151,50 @@ class Sweep:
         """What is to be measured, and what may be measured again: on another machine it may be another contestant."""
         here = self.options.cluster is None
         again = self.recorder.contended(self.plan.experiment.remeasure)
-        elsewhere = {id for id, e in self.recorder.latest.items() if here and e.get("env_id") != self.recorder.env_id}
+        elsewhere = {id for id, e in self.recorder.latest.items() if here and e.env_id != self.recorder.env_id}
         return [*self.recorder.todo(), *(cell for cell in again if cell.cell_id not in elsewhere)]
 
     def _write_manifest(self, now: str, running: bool) -> None:
         """Replaces the manifest where it would say something else, or something is going to be measured."""
         experiment = self.plan.experiment
-        same = {
-            "raybench_results": FORMAT_VERSION,
-            "name": experiment.name,
-            "config_name": experiment.name,
-            "config": json.loads(json.dumps(experiment.resolved)),
-            "env_id": self.recorder.env_id,
-            "cell_ids": [cell.cell_id for cell in self.plan.cells],
-            "verify_job_ids": [each.verify_job_id for each in self.plan.verify_jobs],
-            **({"warnings": list(self.plan.warnings)} if self.plan.warnings else {}),
-        }
-        path = self.recorder.folder / store.MANIFEST
-        before = store.read_manifest(self.recorder.folder) if path.exists() else {}
-        if running or any(before.get(key) != value for key, value in same.items()):
-            moment = {"time": now, "command": list(self.options.command), "machine": machine.provenance()}
-            store.write_json(path, {**same, **moment})
+        same = Manifest(
+            raybench_results=FORMAT_VERSION,
+            name=experiment.name,
+            config_name=experiment.name,
+            config=json.loads(json.dumps(experiment.resolved)),
+            env_id=self.recorder.env_id,
+            cell_ids=tuple(cell.cell_id for cell in self.plan.cells),
+            verify_job_ids=tuple(each.verify_job_id for each in self.plan.verify_jobs),
+            warnings=tuple(self.plan.warnings),
+        )
+        folder = self.recorder.folder
+        before = store.read_manifest(folder) if (folder / store.MANIFEST).exists() else None
+        if running or before is None or any(getattr(before, key) != getattr(same, key) for key in same.model_fields_set):
+            moment = {"time": now, "command": tuple(self.options.command), "machine": machine.provenance()}
+            store.write_manifest(folder, same.replaced(**moment))
 
     def _revive(self) -> None:
         """Results that a changed plan had put aside count again when the plan has them again."""
         wanted = {cell.cell_id: cell for cell in self.plan.cells}
-        last: dict[str, Mapping[str, Any]] = {}
-        for event in self.recorder.history:
-            if event["event"] == "cell" and event["state"] != "outdated":
-                last[event["cell_id"]] = event
+        events = store.of_kind(self.recorder.history, records.Cell)
+        last = {event.cell_id: event for event in events if event.state != "outdated"}
         for cell_id, event in last.items():
-            outdated = self.recorder.latest[cell_id]["state"] == "outdated"
+            outdated = self.recorder.latest[cell_id].state == "outdated"
             if outdated and cell_id in wanted and up_to_date(wanted[cell_id], event, self.recorder.metric):
                 self.recorder.append(event)
 
     def _note_other_machines(self) -> None:
         planned = {cell.cell_id for cell in self.plan.cells}
-        elsewhere = [e for i, e in self.recorder.latest.items() if i in planned and e.get("env_id") != self.recorder.env_id]
+        elsewhere = [e for i, e in self.recorder.latest.items() if i in planned and e.env_id != self.recorder.env_id]
         if elsewhere and self.options.cluster is None:
             self.listener.note(
                 f"{len(elsewhere)} cells were measured on another machine or with other library versions: "
                 "times are not comparable; --fresh measures all again"
             )
 
-    def _append_targets(self, targets: list[float]) -> None:
-        event = {"event": "targets", "metric": self.recorder.metric, "targets": targets}
-        if store.last_event(self.recorder.history, "targets") != event:
+    def _append_targets(self, targets: Sequence[float]) -> None:
+        event = Targets(metric=self.recorder.metric, targets=tuple(targets))
+        if store.last_event(self.recorder.history, Targets) != event:
             self.recorder.append(event)
 
     # --- references -------------------------------------------------------------------------------------------------
@@ -209,7 +202,7 @@ class Sweep:
     def make_references(self, pool: references.Images) -> None:
         """Makes what cells to be measured need; a cell whose reference fails has failed."""
         needed = dict.fromkeys(cell.reference_id for cell in self._cells())
-        named = {e["reference_id"] for e in self.recorder.history if e["event"] == "reference"}
+        named = {event.reference_id for event in store.of_kind(self.recorder.history, records.Reference)}
         for reference_id, wanted in self.plan.references.items():
             try:
                 if reference_id in needed:
@@ -254,11 +247,11 @@ class Sweep:
         except (WorkerFailed, WorkerTimeout) as error:
             self.listener.note(f"{wanted.describe()}: no certificate: {error}")
             return
-        said = [e["certificate_id"] for e in self.recorder.history if e["event"] == "certificate"]
-        if found["certificate_id"] not in said:
-            self.recorder.append({key: value for key, value in found.items() if key != "machine"})
-            if not certificates.certifies(found):
-                self.listener.note(f"reference of {wanted.describe()}: {certificates.words(found)}")
+        said = [event.certificate_id for event in store.of_kind(self.recorder.history, records.Certificate)]
+        if found.certificate_id not in said:
+            self.recorder.append(found)
+            if not certifies(found):
+                self.listener.note(f"reference of {wanted.describe()}: {certificate_text(found)}")
 
     # --- verify jobs ------------------------------------------------------------------------------------------------
 
@@ -280,8 +273,8 @@ class Sweep:
 
     def record_targets(self) -> None:
         """Resolves `auto` targets once: later results move none of them."""
-        last = store.last_event(self.recorder.history, "targets")
-        if self.plan.experiment.quality.targets is None and (last is None or last["metric"] != self.recorder.metric):
+        last = store.last_event(self.recorder.history, Targets)
+        if self.plan.experiment.quality.targets is None and (last is None or last.metric != self.recorder.metric):
             targets = automatic_targets(self.recorder.latest.values(), self.recorder.metric)
             if targets:
                 self._append_targets(targets)
@@ -290,15 +283,15 @@ class Sweep:
         found = Outcome(self.recorder.measured, stopped=self.recorder.stopped)
         for cell in self.plan.cells:
             event = self.recorder.latest.get(cell.cell_id)
-            state = "queued" if event is None or event["state"] == "outdated" else str(event["state"])
+            state = "queued" if event is None or event.state == "outdated" else event.state
             found.states[state] = found.states.get(state, 0) + 1
             if event is not None and state in BROKEN:
                 found.failures.append((cell, event))
         known = store.latest_verify_jobs(self.recorder.history)
         events = [(each, known.get(each.verify_job_id)) for each in self.plan.verify_jobs]
         found.failed_verify_jobs = [
-            f"{event['state']}: {each.words}: {event['message']}"
+            f"{event.state}: {each.words}: {event.message}"
             for each, event in events
-            if event is not None and event["state"] in BROKEN
+            if event is not None and event.state in BROKEN
         ]
         return found

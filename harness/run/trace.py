@@ -192,18 +192,18 @@ def _measure_one(experiment: TraceExperiment, task: _Task, pool: Pool, block: in
     except WorkerTimeout:
         entry.state, entry.message = "timeout", f"killed after {experiment.timeout_seconds:g} s"
         return
-    disturbed, answers = found["machine"], found["answers"]
+    disturbed, phases, answers = found.machine, found.phases, found.answers
     entry.timings.append(
         Timing(
             block=block,
             order=order,
-            passes=found["passes"],
-            seconds=max(float(found["seconds"]), 1e-9),
+            passes=found.timed.passes,
+            seconds=max(float(found.timed.seconds), 1e-9),
             cpu_seconds=disturbed.get("cpu_seconds"),
             contended=bool(disturbed["contended"]),
-            load_seconds=float(found["load_seconds"]),
-            build_seconds=float(found["build_seconds"]),
-            first_call_seconds=float(found["compile_seconds"]),
+            load_seconds=float(phases.load_seconds),
+            build_seconds=float(phases.build_seconds),
+            first_call_seconds=float(phases.compile_seconds),
         )
     )
     if entry.answers is None:

@@ -4,33 +4,31 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 from time import monotonic
-from typing import Any
 
+from harness import suites
+from harness.measure.messages import Job
 from harness.measure.pool import Pool, WorkerFailed, WorkerTimeout
 from harness.plan.verify_jobs import VerifyJob
+from harness.store import records
 
 
-def make(each: VerifyJob, pool: Pool, env_id: str) -> dict[str, Any]:
+def make(each: VerifyJob, pool: Pool, env_id: str) -> records.VerifyJob:
     """The event of a verify job that was run, has failed or was killed at its timeout."""
     began, state, message, found = monotonic(), "done", "", []
     try:
-        worker = pool.worker(each.engine)
-        deadline = monotonic() + each.timeout_seconds
-        worker.ask({"do": "verify", **{key: each.spec[key] for key in ("case", "precision", "accelerator", "quick")}})
-        found = worker.receive(deadline, "verified")["results"]
-        worker.receive(deadline, "end")
+        asked = {key: each.spec[key] for key in ("case", "precision", "accelerator", "quick")}
+        found = list(pool.run(each.engine, Job(suites.JOB, asked), each.timeout_seconds))
     except WorkerFailed as error:
         state, message = "failed", str(error)
     except WorkerTimeout:
         state, message = "timeout", f"killed after {each.timeout_seconds:g} s"
-    return {
-        "event": "verify_job",
-        "verify_job_id": each.verify_job_id,
-        "spec": dict(each.spec),
-        "env_id": env_id,
-        "state": state,
-        "message": message,
-        "results": found,
-        "wall_seconds": monotonic() - began,
-        "time": datetime.now(UTC).isoformat(timespec="seconds"),
-    }
+    return records.VerifyJob(
+        verify_job_id=each.verify_job_id,
+        spec=dict(each.spec),
+        env_id=env_id,
+        state=state,
+        message=message,
+        results=tuple(found),
+        wall_seconds=monotonic() - began,
+        time=datetime.now(UTC).isoformat(timespec="seconds"),
+    )

@@ -47,7 +47,7 @@ class RaceFigures(NamedTuple):
 
     false_winners: float
     coverage: float
-    power: tuple[float, ...]
+    power: tuple[float, float]
 
 
 class BiasFigures(NamedTuple):
@@ -93,7 +93,7 @@ def race_figures(
             truths = [1 / (1 + share), *[1.0] * (len(found.ratios) - 1)]
             covered += sum(ratio.low <= truth <= ratio.high for ratio, truth in zip(found.ratios, truths, strict=True))
             intervals += len(found.ratios)
-    return RaceFigures(winners / repetitions, covered / intervals, tuple(count / repetitions for count in power))
+    return RaceFigures(winners / repetitions, covered / intervals, (power[0] / repetitions, power[1] / repetitions))
 
 
 def _race(noise: RaceNoise, slower: float, noises: Sequence[RaceNoise], rng: np.random.Generator, margin: float) -> Race:

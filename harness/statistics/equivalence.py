@@ -7,9 +7,9 @@ verdict: both bounds lie within margins that were set beforehand (Schuirmann 198
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,7 @@ class Margins(NamedTuple):
 
 
 DEFAULT_MARGINS = Margins()
+EquivalenceVerdict = Literal["identical", "equivalent", "different", "unresolved"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +51,7 @@ class Equivalence:
     equal images would be called different.
     """
 
-    verdict: str
+    verdict: EquivalenceVerdict
     difference: float
     low: float
     high: float
@@ -66,24 +67,6 @@ class Equivalence:
     def passed(self) -> bool:
         """Whether the images are shown to be the same within the margins."""
         return self.verdict in ("identical", "equivalent")
-
-    @property
-    def of_old_rule(self) -> bool:
-        """Whether it was archived under a rule that stated no bounds: nothing is concluded from it."""
-        return math.isnan(self.image_bound)
-
-    def as_record(self) -> dict[str, Any]:
-        """Plain data, as JSON has it."""
-        return {**asdict(self), "worst_tile": list(self.worst_tile)}
-
-    @classmethod
-    def from_record(cls, record: Mapping[str, Any]) -> Equivalence:
-        """From `as_record`. A record of the rule before this one, of p values, is unresolved and has no bounds."""
-        if "image_bound" not in record:
-            unknown = math.nan
-            return cls("unresolved", unknown, unknown, unknown, unknown, unknown, (0, 0), *DEFAULT_MARGINS)
-        x, y = record["worst_tile"]
-        return cls(**{**record, "worst_tile": (x, y)})
 
 
 def equivalence(
@@ -126,7 +109,7 @@ def judge(found: Differences, level: Array, margins: Margins, alpha: float = ALP
         for values, se, margin in ((image, image_se, margins.image), (tiles, tiles_se, margins.tile))
     ]
     within = image_bound <= margins.image and tile_bound <= margins.tile
-    verdict = "different" if any(outside) else "equivalent" if within else "unresolved"
+    verdict: EquivalenceVerdict = "different" if any(outside) else "equivalent" if within else "unresolved"
     return Equivalence(
         verdict,
         difference,

@@ -1,7 +1,7 @@
 """Results on disk: the events and the folder they lie in, under one name.
 
-Typed events are in `event_types`, their checks in `validation`; `results` arranges them for tables and plots, `merge` joins
-folders, and `reference_files` finds and reads the references that they name.
+Their types are in `records`, the checks of what is read in `validation`; `results` arranges them for tables and plots, `merge`
+joins folders, and `reference_files` finds and reads the references that they name.
 """
 
 from harness.store.events import (
@@ -15,6 +15,7 @@ from harness.store.events import (
     last_event,
     latest_cells,
     latest_verify_jobs,
+    of_kind,
     read_events,
 )
 from harness.store.folder import (
@@ -23,6 +24,7 @@ from harness.store.folder import (
     LOCK,
     WINNERS,
     clear,
+    config_of,
     derived_is_fresh,
     discard_images,
     image_file,
@@ -31,6 +33,7 @@ from harness.store.folder import (
     locked,
     make_out,
     read_manifest,
+    write_manifest,
 )
 from harness.store.json_files import read_json, write_json
 from harness.store.reference_files import reference_arrays
@@ -47,6 +50,7 @@ __all__ = [
     "check_results",
     "clear",
     "compress",
+    "config_of",
     "derived_is_fresh",
     "discard_images",
     "events_file",
@@ -58,9 +62,11 @@ __all__ = [
     "latest_verify_jobs",
     "locked",
     "make_out",
+    "of_kind",
     "read_events",
     "read_json",
     "read_manifest",
     "reference_arrays",
     "write_json",
+    "write_manifest",
 ]

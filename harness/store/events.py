@@ -14,14 +14,16 @@ import json
 import os
 import warnings
 import zlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, TypeVar
 
 from engines.errors import ConfigError
 from engines.input_files import open_regular, unreadable
+from harness.check_results import CheckResult
 from harness.store import atomic, confined, validation
 from harness.store.json_files import read_json
+from harness.store.records import AnyEvent, Cell, Record, VerifyJob
 
 EVENTS, COMPRESSED, MANIFEST = "events.jsonl", "events.jsonl.gz", "manifest.json"
 LARGEST = 2**31
@@ -58,9 +60,9 @@ class Events:
         self._file.truncate(len(whole) + 1 if whole else 0)
         return True
 
-    def append(self, event: Mapping[str, Any]) -> None:
-        """Adds an event; on return it is on disk. What is no Unicode in it, as parts of file names may be, becomes `?`."""
-        self._write(json.dumps(event, ensure_ascii=False).encode(errors="replace") + b"\n")
+    def append(self, event: AnyEvent) -> None:
+        """Adds an event; on return it is on disk."""
+        self._write(line_of(event))
 
     def _write(self, data: bytes) -> None:
         """Writes all of it, or nothing: what a full disk cut short is taken back."""
@@ -97,8 +99,14 @@ def compress(folder: Path) -> None:
     (folder / EVENTS).unlink()
 
 
-def read_events(folder: str | Path) -> list[dict[str, Any]]:
-    """All events of a folder in order, checked against `validation`; a torn last line is ignored with a warning.
+def line_of(event: AnyEvent) -> bytes:
+    """The line of an event, with those of its fields that were given. What is no Unicode in it becomes `?`."""
+    fields = {"event": event.event, **event.model_dump(exclude_unset=True)}
+    return json.dumps(fields, ensure_ascii=False).encode(errors="replace") + b"\n"
+
+
+def read_events(folder: str | Path) -> list[AnyEvent]:
+    """All events of a folder in order, see `validation`; a torn last line is ignored with a warning.
 
     Raises `ConfigError` for a folder of another version of the format, where there is no such file, where a line in its
     middle is damaged, and for the first event that is not valid, with its line.
@@ -111,12 +119,11 @@ def read_events(folder: str | Path) -> list[dict[str, Any]]:
             lines = (_expanded(file, path) if path.name == COMPRESSED else file.read()).split(b"\n")
     except OSError as error:
         raise ConfigError(f"{path}: {unreadable(error)}: is this a results folder?") from error
-    found: list[dict[str, Any]] = []
+    found: list[AnyEvent] = []
     for index, line in enumerate(lines):
         event = _parsed(line)
         if event is not None:
-            validation.event(event, f"{path}:{index + 1}")
-            found.append(event)
+            found.append(validation.event(event, f"{path}:{index + 1}"))
         elif line and index == len(lines) - 1:
             warnings.warn(f"{path}: {TORN}", stacklevel=2)
         elif line:
@@ -150,31 +157,31 @@ def _parsed(line: bytes) -> dict[str, Any] | None:
     return event if isinstance(event, dict) and "event" in event else None
 
 
-def latest_cells(events: Iterable[Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
-    """The current state of each cell: its last event. A cell measured again is there once, at its first place."""
-    found: dict[str, dict[str, Any]] = {}
-    for event in events:
-        if event["event"] == "cell":
-            found[event["cell_id"]] = dict(event)
-    return found
+Kind = TypeVar("Kind", bound=Record)
 
 
-def last_event(events: Iterable[Mapping[str, Any]], kind: str) -> dict[str, Any] | None:
+def of_kind(events: Iterable[AnyEvent], kind: type[Kind]) -> list[Kind]:
+    """The events of a kind, in order."""
+    return [event for event in events if isinstance(event, kind)]
+
+
+def last_event(events: Iterable[AnyEvent], kind: type[Kind]) -> Kind | None:
     """The last event of a kind."""
-    found = None
-    for event in events:
-        if event["event"] == kind:
-            found = dict(event)
-    return found
+    return next(iter(of_kind(events, kind)[-1:]), None)
 
 
-def latest_verify_jobs(events: Iterable[Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
+def latest_cells(events: Iterable[AnyEvent]) -> dict[str, Cell]:
+    """The current state of each cell: its last event. A cell measured again is there once, at its first place."""
+    return {event.cell_id: event for event in of_kind(events, Cell)}
+
+
+def latest_verify_jobs(events: Iterable[AnyEvent]) -> dict[str, VerifyJob]:
     """The last event of every verify job."""
-    return {event["verify_job_id"]: event for event in events if event["event"] == "verify_job"}
+    return {event.verify_job_id: event for event in of_kind(events, VerifyJob)}
 
 
-def check_results(events: Iterable[Mapping[str, Any]], wanted: Iterable[str] | None = None) -> list[Mapping[str, Any]]:
-    """The check results of all verify jobs, or of those with the ids `wanted`."""
+def check_results(events: Iterable[AnyEvent], ids: Iterable[str] | None = None) -> list[CheckResult]:
+    """The check results of all verify jobs, or of those of `ids`."""
     known = latest_verify_jobs(events)
-    chosen = known if wanted is None else [key for key in wanted if key in known]
-    return [result for key in chosen for result in known[key]["results"]]
+    chosen = known if ids is None else [key for key in ids if key in known]
+    return [result for key in chosen for result in known[key].results]

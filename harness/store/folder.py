@@ -7,21 +7,21 @@ import os
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 from engines.errors import ConfigError
 from engines.input_files import unreadable
 from harness.store import confined, locks, validation
 from harness.store.events import COMPRESSED, EVENTS, MANIFEST, events_file
-from harness.store.json_files import read_json
+from harness.store.json_files import read_json, write_json
+from harness.store.records import Config, Manifest
 
 LOCK, IMAGES = ".lock", "images"
 WINNERS = "winners.txt"
 DERIVED = ("points.csv", "ttq.csv", "phases.csv", WINNERS, "tables", "plots", "report.html", "worker.log")
 
 
-def read_manifest(folder: str | Path) -> dict[str, Any]:
-    """The manifest of a results folder, checked against `validation`.
+def read_manifest(folder: str | Path) -> Manifest:
+    """The manifest of a results folder, see `validation`.
 
     Raises `ConfigError` where there is none, and for one of another version of the format.
     """
@@ -30,8 +30,17 @@ def read_manifest(folder: str | Path) -> dict[str, Any]:
         found = read_json(path)
     except OSError as error:
         raise ConfigError(f"{path}: {unreadable(error)}: is this a results folder?") from error
-    validation.manifest(found, str(path))
-    return found
+    return validation.manifest(found, str(path))
+
+
+def write_manifest(folder: Path, manifest: Manifest) -> None:
+    """Replaces the manifest of a results folder, in one step, with those of its fields that were given."""
+    write_json(folder / MANIFEST, manifest.model_dump(exclude_unset=True))
+
+
+def config_of(manifest: Manifest) -> Config:
+    """What reports read of the manifest's experiment."""
+    return validation.config(manifest, MANIFEST)
 
 
 def image_path(cell_id: str, spp: int, attempt: int = 1) -> str:

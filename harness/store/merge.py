@@ -6,21 +6,23 @@ A cell's id is a hash of its spec, not of where it was measured: merged cells ge
 
 from __future__ import annotations
 
-import json
 import shutil
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 from engines.errors import ConfigError
 from harness import store
 from harness.hashing import digest
 from harness.store import atomic, reference_files
-from harness.store.results import Results, load_results, settings_of
+from harness.store.events import line_of
+from harness.store.records import AnyEvent, Cell, Certificate, Environment, Manifest, Reference, Run, Targets, VerifyJob
+from harness.store.results import Results, load_results
 from harness.store.validation import FORMAT_VERSION
 
-Owned = tuple[Results, Mapping[str, Any]]
+Owned = tuple[Results, Cell]
+KEPT = (Run, Environment, Certificate, VerifyJob)
 
 
 def merge(folders: Sequence[Path], out: Path) -> dict[str, int]:
@@ -45,10 +47,10 @@ def merge(folders: Sequence[Path], out: Path) -> dict[str, int]:
     except BaseException:
         _empty(out)  # half a merged folder would pass for a whole one
         raise
-    counts: dict[str, int] = {}
+    counts: Counter[str] = Counter()
     for _, cell in cells.values():
-        counts[str(cell.get("env_id"))] = counts.get(str(cell.get("env_id")), 0) + (cell["state"] == "done")
-    return counts
+        counts[cell.env_id] += cell.state == "done"
+    return dict(counts)
 
 
 def _write(sources: Sequence[Results], cells: Sequence[Owned], out: Path) -> None:
@@ -57,7 +59,7 @@ def _write(sources: Sequence[Results], cells: Sequence[Owned], out: Path) -> Non
             events.append(event)
         for source, cell in cells:
             events.append(_copied(source, cell, out))
-    store.write_json(out / store.MANIFEST, _manifest(sources, [_new_id(cell) for _, cell in cells]))
+    store.write_manifest(out, _manifest(sources, [_new_id(cell) for _, cell in cells]))
 
 
 def _empty(out: Path) -> None:
@@ -74,66 +76,65 @@ def _cells(sources: Sequence[Results]) -> dict[str, Owned]:
     for source in sources:
         for cell in source.cells:
             known = found.get(_new_id(cell))
-            if known is None or str(cell.get("time")) > str(known[1].get("time")):
+            if known is None or cell.time > known[1].time:
                 found[_new_id(cell)] = source, cell
     return found
 
 
-def _new_id(cell: Mapping[str, Any]) -> str:
-    return digest([cell["cell_id"], str(cell.get("env_id"))])
+def _new_id(cell: Cell) -> str:
+    return digest([cell.cell_id, cell.env_id])
 
 
-def _refuse_mixtures(cells: Any) -> None:
-    seen: dict[Any, Owned] = {}
+def _refuse_mixtures(cells: Iterable[Owned]) -> None:
+    seen: dict[object, Owned] = {}
     for source, cell in cells:
-        other, twin = seen.setdefault((settings_of(cell), cell.get("block")), (source, cell))
+        other, twin = seen.setdefault((cell.settings, cell.block), (source, cell))
         if twin is not cell:
-            mine, theirs = cell.get("spec") or {}, twin.get("spec") or {}
+            mine, theirs = cell.spec, twin.spec
             differing = sorted(key for key in {*mine, *theirs} if mine.get(key) != theirs.get(key))
             raise ConfigError(
-                f"{source.folder} and {other.folder}: {cell['scene']} {cell['engine']}, block {cell.get('block')}, was "
+                f"{source.folder} and {other.folder}: {cell.scene} {cell.engine}, block {cell.block}, was "
                 f"measured on one machine under different conditions ({', '.join(differing) or 'cell ids'})"
             )
 
 
-def _preamble(sources: Sequence[Results], out: Path) -> list[dict[str, Any]]:
+def _preamble(sources: Sequence[Results], out: Path) -> list[AnyEvent]:
     """The events that are no cells: runs, environments, targets, references."""
-    found: dict[str, dict[str, Any]] = {}
+    found: dict[bytes, AnyEvent] = {}
     for source in sources:
         for event in store.read_events(source.folder):
-            if event["event"] in ("run", "environment", "certificate", "verify_job"):
-                found.setdefault(json.dumps(event, sort_keys=True), event)
-    targets = sorted({target for source in sources for target in source.targets}, reverse=True)
-    known: dict[str, dict[str, Any]] = {}
+            if isinstance(event, KEPT):
+                found.setdefault(line_of(event), event)
+    targets = tuple(sorted({target for source in sources for target in source.targets}, reverse=True))
+    known: dict[str, Reference] = {}
     for source in sources:
-        for reference_id, event in source.references.items():
+        for reference_id, reference in source.references.items():
             if reference_id not in known:
-                reference_files.carry(source.folder, event, out, small=False)
-                known[reference_id] = {key: value for key, value in event.items() if key != "folder"}
-    goals = {"event": "targets", "metric": sources[0].metric, "targets": targets}
-    return [*found.values(), goals, *known.values()]
+                reference_files.carry(source.folder, reference, out, small=False)
+                known[reference_id] = reference
+    return [*found.values(), Targets(metric=sources[0].metric, targets=targets), *known.values()]
 
 
-def _copied(source: Results, cell: Mapping[str, Any], out: Path) -> dict[str, Any]:
+def _copied(source: Results, cell: Cell, out: Path) -> Cell:
     """The cell's event under its new id, its images copied."""
     points = []
-    for point in cell.get("points") or []:
-        image = store.image_path(_new_id(cell), point["spp"]) if point["image"] else None
-        if image is not None and (taken := store.image_file(source.folder, point["image"])).is_file():
+    for point in cell.points:
+        image = store.image_path(_new_id(cell), point.spp) if point.image else None
+        if point.image and image and (taken := store.image_file(source.folder, point.image)).is_file():
             with atomic.replacing(out / image, durable=False) as file:
                 file.write(taken.read_bytes())
-        points.append({**point, "image": image})
-    return {**cell, "cell_id": _new_id(cell), "measured_as": cell["cell_id"], "points": points}
+        points.append(point.replaced(image=image))
+    return cell.replaced(cell_id=_new_id(cell), measured_as=cell.cell_id, points=tuple(points))
 
 
-def _manifest(sources: Sequence[Results], cell_ids: list[str]) -> dict[str, Any]:
+def _manifest(sources: Sequence[Results], cell_ids: Sequence[str]) -> Manifest:
     """A manifest that holds those of all folders; its own config is the first one's."""
     first = sources[0].manifest
-    return {
-        "raybench_results": FORMAT_VERSION,
-        "name": str(first.get("name") or sources[0].folder.name),
-        "config": first.get("config") or {},
-        "cell_ids": cell_ids,
-        "time": datetime.now(UTC).isoformat(timespec="seconds"),
-        "merged": [{"folder": source.folder.name, **source.manifest} for source in sources],
-    }
+    return Manifest(
+        raybench_results=FORMAT_VERSION,
+        name=first.name or sources[0].folder.name,
+        config=first.config,
+        cell_ids=tuple(cell_ids),
+        time=datetime.now(UTC).isoformat(timespec="seconds"),
+        merged=tuple({"folder": source.folder.name, **source.manifest.model_dump(exclude_unset=True)} for source in sources),
+    )

@@ -8,7 +8,6 @@ from __future__ import annotations
 import hashlib
 import io
 import os
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from zipfile import ZIP_LZMA, BadZipFile, ZipFile
@@ -20,8 +19,10 @@ from engines.errors import ConfigError
 from engines.film import BYTES_A_PIXEL, Film
 from harness.hashing import digest
 from harness.store import atomic, confined, validation
-from harness.store.events import EVENTS, read_events
+from harness.store.events import EVENTS, of_kind, read_events
 from harness.store.json_files import read_json, write_json
+from harness.store.records import Reference as ReferenceRecord
+from harness.store.records import ReferenceMeta, ReferenceSpec
 
 if TYPE_CHECKING:
     from harness.metrics import Reference
@@ -80,36 +81,35 @@ def read(folder: Path, reference_id: str, scene_hash: str) -> Reference:
 
     meta = meta_of(folder)
     refuse_stale(folder, meta, reference_id, scene_hash)
-    if not meta["complete"]:
+    if not meta.complete:
         raise ConfigError(f"{folder}: this reference was not finished: run the experiment again")
     film = film_in(folder, meta)
     if film.bad_samples:
         raise ConfigError(
             f"{folder}: {film.bad_samples} of this reference's samples are NaN or infinite: finite radiance is expected"
         )
-    spp = meta["spec"]["replicates"] * meta["spec"]["replicate_spp"]
+    spp = meta.spec.replicates * meta.spec.replicate_spp
     return Reference(film.mean(), film.half(0), film.half(1), film.variance_of_mean(), spp)
 
 
-def carry(results: Path, event: Mapping[str, Any], out: Path, small: bool) -> None:
-    """Copies the reference of a `reference` event into the results folder `out`, where there is such a one.
+def carry(results: Path, record: ReferenceRecord, out: Path, small: bool) -> None:
+    """Copies a reference into the results folder `out`, where there is such a one.
 
     `small`: its arrays rounded to `SMALL_BITS` and compressed, and nothing for eyes. Its metadata names what is there.
     """
-    reference_id, scene_hash = str(event["reference_id"]), str(event["scene_hash"])
-    source = search(results, reference_id, scene_hash)
+    source = search(results, record.reference_id, record.scene_hash)
     if source is None:
         return
-    target = confined.inside(out, FOLDER / _part(reference_id, scene_hash), f"{out}: reference")
+    target = confined.inside(out, FOLDER / _part(record.reference_id, record.scene_hash), f"{out}: reference")
     meta = meta_of(source)
-    path = confined.inside(source, meta["file"], f"{source / META}: file")
+    path = confined.inside(source, meta.file, f"{source / META}: file")
     try:
         data = _small(film_in(source, meta)) if small else path.read_bytes()
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror or error}: remove {source} to make it anew") from error
-    with atomic.replacing(target / meta["file"]) as file:
+    with atomic.replacing(target / meta.file) as file:
         file.write(data)
-    write_json(target / META, {**meta, "sha256": hashlib.sha256(data).hexdigest()} if small else meta)
+    write_meta(target, meta.replaced(sha256=hashlib.sha256(data).hexdigest()) if small else meta)
     exr = confined.inside(source, EXR, f"{source}: image")
     if not small and exr.is_file():
         content = exr.read_bytes()
@@ -141,20 +141,20 @@ def _small(film: Film) -> bytes:
 # --- checks ---------------------------------------------------------------------------------------------------------
 
 
-def film_in(folder: Path, meta: Mapping[str, Any]) -> Film:
+def film_in(folder: Path, meta: ReferenceMeta) -> Film:
     """The film that the metadata names. Raises `ConfigError` where it is not the one that was written."""
-    path = confined.inside(folder, meta["file"], f"{folder / META}: file")
+    path = confined.inside(folder, meta.file, f"{folder / META}: file")
     try:
-        whole = checksum(path) == meta["sha256"]
+        whole = checksum(path) == meta.sha256
     except OSError:
         whole = False
     if not whole:
         raise ConfigError(f"{path}: missing, or its checksum is not the recorded one: remove {folder} to make it anew")
-    _refuse_bomb(path, meta["spec"])
+    _refuse_bomb(path, meta.spec)
     try:
         with np.load(path) as arrays:
             height, width = arrays["counts"].shape
-            if (height, width) != (meta["spec"]["height"], meta["spec"]["width"]):
+            if (height, width) != (meta.spec.height, meta.spec.width):
                 raise ValueError(f"{width}x{height} pixels, and its metadata says another size")
             film = Film(width, height)
             film.sums, film.even_sums = arrays["sums"], arrays["even_sums"]
@@ -172,9 +172,9 @@ def film_in(folder: Path, meta: Mapping[str, Any]) -> Film:
     return film
 
 
-def _refuse_bomb(path: Path, spec: Mapping[str, Any]) -> None:
+def _refuse_bomb(path: Path, spec: ReferenceSpec) -> None:
     """A few bytes can be unpacked to more than there is memory: a film takes what its size says."""
-    most = BYTES_A_PIXEL * spec["width"] * spec["height"] + HEADERS
+    most = BYTES_A_PIXEL * spec.width * spec.height + HEADERS
     try:
         with ZipFile(path) as parts:
             unpacked = sum(part.file_size for part in parts.infolist())
@@ -184,22 +184,25 @@ def _refuse_bomb(path: Path, spec: Mapping[str, Any]) -> None:
         raise ConfigError(f"{path}: takes {unpacked} bytes unpacked, and a film of its size at most {most}")
 
 
-def meta_of(folder: Path) -> dict[str, Any]:
-    """The metadata of a reference, checked against `records`. Raises `ConfigError`."""
+def meta_of(folder: Path) -> ReferenceMeta:
+    """The metadata of a reference. Raises `ConfigError`."""
     path = confined.inside(folder, META, f"{folder}: metadata")
     try:
-        meta = read_json(path)
-        validation.reference_meta(meta, str(path))
+        return validation.reference_meta(read_json(path), str(path))
     except (OSError, ConfigError) as error:
         raise ConfigError(f"{error}: remove {folder} to make it anew") from error
-    return meta
 
 
-def refuse_stale(folder: Path, meta: Mapping[str, Any], reference_id: str, scene_hash: str) -> None:
+def write_meta(folder: Path, meta: ReferenceMeta) -> None:
+    """Replaces the metadata of a reference in one step."""
+    write_json(folder / META, meta.model_dump())
+
+
+def refuse_stale(folder: Path, meta: ReferenceMeta, reference_id: str, scene_hash: str) -> None:
     """Raises `ConfigError` where a folder holds another reference, or one of another scene, than its place says."""
-    if meta["scene_hash"] != scene_hash:
+    if meta.scene_hash != scene_hash:
         raise ConfigError(f"{folder}: stale: the scene has changed since this reference was made: remove the folder")
-    if meta["reference_id"] != reference_id or digest(meta["spec"]) != reference_id:
+    if meta.reference_id != reference_id or digest(meta.spec.preimage) != reference_id:
         raise ConfigError(f"{folder}: stale: it holds another reference than {reference_id}: remove the folder")
 
 
@@ -210,8 +213,8 @@ def checksum(path: Path) -> str:
 
 def reference_arrays(folder: str | Path, reference_id: str) -> Reference:
     """The reference that cells of a results folder were compared with, checked against its checksum."""
-    for event in read_events(folder):
-        if event["event"] == "reference" and event["reference_id"] == reference_id:
-            found = of_results(Path(folder), reference_id, event["scene_hash"])
-            return read(found, reference_id, event["scene_hash"])
+    for record in of_kind(read_events(folder), ReferenceRecord):
+        if record.reference_id == reference_id:
+            found = of_results(Path(folder), reference_id, record.scene_hash)
+            return read(found, reference_id, record.scene_hash)
     raise ConfigError(f"{folder}: no reference {reference_id!r} is named in {EVENTS}")

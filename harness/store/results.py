@@ -8,75 +8,74 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
+from engines.choices import Choice
+from harness.check_results import CheckResult
 from harness.metrics import Reference, as_error, higher_is_better, metric_name
 from harness.statistics.convergence import Curve, curve
-from harness.store import reference_files
-from harness.store.events import check_results, events_file, last_event, latest_cells, read_events
-from harness.store.folder import image_file, read_manifest
+from harness.store import records, reference_files
+from harness.store.events import check_results, events_file, last_event, latest_cells, of_kind, read_events
+from harness.store.folder import config_of, image_file, read_manifest
+from harness.store.records import (
+    BROKEN,
+    AnyEvent,
+    ArchivedVerdicts,
+    Calibration,
+    Cell,
+    Certificate,
+    Config,
+    Environment,
+    Manifest,
+    Point,
+    Run,
+    Settings,
+    Targets,
+)
+from harness.store.validation import FORMAT_VERSION
 
 PHASES = ("import", "load", "build", "compile", "render")
 AXES = ("engine", "accelerator", "shader", "sampler", "precision", "threads", "size", "label", "division", "machine")
 """The settings in which contestants of a scene may differ, in the order in which labels name them."""
-Event = Mapping[str, Any]
+CHOICES = ("accelerator", "shader", "sampler")
 BRUTE_FORCE = "brute force"
 """What tables call the accelerator `none`."""
 
 
-class Settings(NamedTuple):
-    """The settings of a contestant. Choices are text, such as `path_tracer(max_depth=6)`; `size` is `256x256`."""
-
-    scene: str
-    engine: str
-    accelerator: str
-    shader: str
-    sampler: str
-    precision: str
-    threads: int
-    size: str
-    label: str
-    machine: str
-    division: str = "closed"
-
-
-@dataclass
+@dataclass(frozen=True)
 class Contestant:
-    """One configuration on one scene with its cells, by block. `name` is unique among those of its scene."""
+    """One configuration on one scene with its cells, by block; equal to one of the same settings. `name` is unique among those
+    of its scene."""
 
     settings: Settings
-    cells: list[Event]
-    name: str = ""
+    cells: tuple[Cell, ...] = field(compare=False)
+    name: str = field(default="", compare=False)
 
     @property
-    def race(self) -> str:
+    def race(self) -> Choice:
         """The shader whose image it races towards, that of the reference: its own, unless the config has one for all."""
-        raced = self.cells[0].get("raced") if self.cells else None
-        return choice_text(raced) if raced else self.settings.shader
+        return self.cells[0].raced or self.settings.shader
 
     @cached_property
-    def done(self) -> list[Event]:
+    def done(self) -> list[Cell]:
         """Cells that were measured to their end."""
-        return [cell for cell in self.cells if cell["state"] == "done" and cell.get("points")]
+        return [cell for cell in self.cells if cell.state == "done" and cell.points]
 
     @property
-    def runs(self) -> list[Event]:
+    def runs(self) -> list[Cell]:
         """Cells that had their chance: done, failed and those out of time. What these have counts, the rest is open."""
-        return [c for c in self.cells if c["state"] in ("failed", "timeout") or (c["state"] == "done" and c.get("points"))]
-
-    def fixed_seconds(self, cell: Event) -> float:
-        """Import, scene load, build and compilation: what a cold start pays before its first ray."""
-        return sum(phase_seconds(cell, phase) for phase in PHASES[:-1])
+        return [cell for cell in self.cells if cell.state in BROKEN or (cell.state == "done" and cell.points)]
 
 
 @dataclass
 class Results:
-    """All that is known of a run. `metric` is the quality metric's column; `targets` its goals, hardest last.
+    """All that is known of a run. `config` is what is read of the manifest's experiment; `metric` is the quality metric's
+    column, `targets` its goals, hardest last.
 
     `environments` are the events that hold the preimages of environment ids, `certificates` those of reference ids,
     `check_results` those of verify jobs, `archived_verdicts` what was concluded from images that an archive lacks,
@@ -84,17 +83,18 @@ class Results:
     """
 
     folder: Path
-    manifest: Mapping[str, Any]
-    cells: list[Event]
-    references: dict[str, Event]
+    manifest: Manifest
+    config: Config
+    cells: list[Cell]
+    references: dict[str, records.Reference]
     metric: str
     targets: list[float]
-    runs: list[Event]
-    environments: dict[str, Event] = field(default_factory=dict)
-    certificates: dict[str, Event] = field(default_factory=dict)
-    check_results: list[Event] = field(default_factory=list)
-    archived_verdicts: Event | None = None
-    calibration: Event | None = None
+    runs: list[Run]
+    environments: dict[str, Environment] = field(default_factory=dict)
+    certificates: dict[str, Certificate] = field(default_factory=dict)
+    check_results: list[CheckResult] = field(default_factory=list)
+    archived_verdicts: ArchivedVerdicts | None = None
+    calibration: Calibration | None = None
     contestants: list[Contestant] = field(default_factory=list)
 
     @property
@@ -110,9 +110,9 @@ class Results:
     @property
     def epsilon(self) -> float:
         """The epsilon of relMSE (radiance squared): that of the metric's name, else of the config."""
-        quality = (self.manifest.get("config") or {}).get("quality") or {}
-        named = self.metric.partition("_e")[2] if self.metric.startswith("relmse_e") else quality.get("epsilon", 0.01)
-        return float(named)
+        return (
+            float(self.metric.removeprefix("relmse_e")) if self.metric.startswith("relmse_e") else self.config.quality.epsilon
+        )
 
     @property
     def relative_metric(self) -> str:
@@ -123,26 +123,26 @@ class Results:
         """The scene's contestants that have something to show."""
         return [c for c in self.contestants if c.settings.scene == scene and c.done]
 
-    def curve(self, cell: Event, metric: str = "") -> Curve:
+    def curve(self, cell: Cell, metric: str = "") -> Curve:
         """A cell's error by `metric`, which is that of the targets without one: see `point_error`."""
-        return curve_of(cell, metric or self.metric)
+        return curve_of(cell.points, metric or self.metric, cell.smooth_sampler, cell.reproducible)
 
     def reference(self, reference_id: str | None) -> Reference | None:
         """The reference's arrays; None where it is missing or unreadable."""
-        event = self.references.get(reference_id or "")
-        if event is None:
+        found = self.references.get(reference_id or "")
+        if found is None:
             return None
         from engines.errors import RaybenchError
 
-        name, scene_hash = event["reference_id"], event["scene_hash"]
+        name, scene_hash = found.reference_id, found.scene_hash
         try:
             return reference_files.read(reference_files.of_results(self.folder, name, scene_hash), name, scene_hash)
         except (RaybenchError, OSError, ValueError, KeyError):
             return None
 
-    def image(self, point: Event) -> np.ndarray | None:
+    def image(self, point: Point | None) -> np.ndarray | None:
         """A checkpoint's image (h, w, 3); None where it was not kept or cannot be read."""
-        return read_image(image_file(self.folder, point["image"])) if point.get("image") else None
+        return read_image(image_file(self.folder, point.image)) if point is not None and point.image else None
 
 
 def load_results(folder: str | Path) -> Results:
@@ -155,86 +155,69 @@ def load_results(folder: str | Path) -> Results:
     if events_file(folder) is None:
         raise ConfigError(f"{folder}: has no events.jsonl; a folder written by `raybench run` is expected")
     events = read_events(folder)
-    manifest = read_manifest(folder) if (folder / "manifest.json").exists() else {}
-    if not events and not manifest:
+    manifest = read_manifest(folder) if (folder / "manifest.json").exists() else None
+    if not events and manifest is None:
         raise ConfigError(f"{folder}: has an empty events.jsonl and no manifest.json; a folder of `raybench run` is expected")
-    return results_of(folder, manifest, events)
+    return results_of(folder, manifest or Manifest(raybench_results=FORMAT_VERSION), events)
 
 
-def results_of(folder: Path, manifest: Mapping[str, Any], events: Sequence[Event]) -> Results:
+def results_of(folder: Path, manifest: Manifest, events: Sequence[AnyEvent]) -> Results:
     """Arranges events; cells that a changed config no longer asks for (outdated) are left out."""
-    targets = (of_kind(events, "targets") or [{}])[-1]
-    quality = (manifest.get("config") or {}).get("quality") or {}
-    metric = targets.get("metric") or _metric_of(quality)
-    goals = targets.get("targets", quality.get("targets"))
-    numbers = [float(t) for t in goals if t != "auto"] if isinstance(goals, (list, tuple)) else []
-    references = {event["reference_id"]: event for event in of_kind(events, "reference")}
-    cells: list[Event] = [cell for cell in latest_cells(events).values() if cell["state"] != "outdated"]
+    config, targets = config_of(manifest), last_event(events, Targets)
+    quality = config.quality
+    metric = targets.metric if targets else metric_name(quality.metric, quality.epsilon)
+    goals = targets.targets if targets else quality.targets
     results = Results(
         folder,
         manifest,
-        cells,
-        references,
+        config,
+        [cell for cell in latest_cells(events).values() if cell.state != "outdated"],
+        {event.reference_id: event for event in of_kind(events, records.Reference)},
         metric,
-        sorted(numbers, reverse=not higher_is_better(metric)),
-        of_kind(events, "run"),
-        {event["env_id"]: event for event in of_kind(events, "environment")},
-        {event["reference_id"]: event for event in of_kind(events, "certificate")},
-        check_results(events, manifest.get("verify_job_ids")),
-        last_event(events, "archived_verdicts"),
-        last_event(events, "calibration"),
+        sorted((goal for goal in goals if not isinstance(goal, str)), reverse=not higher_is_better(metric)),
+        of_kind(events, Run),
+        {event.env_id: event for event in of_kind(events, Environment)},
+        {event.reference_id: event for event in of_kind(events, Certificate)},
+        check_results(events, manifest.verify_job_ids),
+        last_event(events, ArchivedVerdicts),
+        last_event(events, Calibration),
     )
-    results.contestants = _contestants(results.cells, _config_scenes(manifest))
+    results.contestants = _contestants(results.cells, _config_scenes(config))
     return results
 
 
-def _config_scenes(manifest: Mapping[str, Any]) -> list[str]:
+def _config_scenes(config: Config) -> list[str]:
     """Scenes in the order of the config; none where the manifest does not say."""
-    combinations = (manifest.get("config") or {}).get("combinations") or []
-    scenes = [combination.get("scene") for combination in combinations]
-    return list(dict.fromkeys(str(scene["name"]) for scene in scenes if isinstance(scene, Mapping) and "name" in scene))
+    scenes = [combination.scene for combination in config.combinations]
+    return list(dict.fromkeys(scene.name for scene in scenes if isinstance(scene, records.Scene) and scene.name))
 
 
-def of_kind(events: Sequence[Event], kind: str) -> list[Event]:
-    return [event for event in events if event.get("event") == kind]
+def phase_seconds(cell: Cell, phase: str) -> float:
+    """Seconds of a phase, one of `PHASES`; 0 where it was not recorded."""
+    value: float | None = getattr(cell.phases, f"{phase}_seconds")
+    return value if value is not None and math.isfinite(value) else 0.0
 
 
-def choice_text(choice: Any) -> str:
-    """`{"name": "bvh", "leaf": 4}` as `bvh(leaf=4)`; names stay as they are, None becomes empty."""
-    if not isinstance(choice, Mapping):
-        return "" if choice is None else str(choice)
-    options = ", ".join(f"{key}={choice[key]}" for key in sorted(choice) if key != "name")
-    return f"{choice.get('name', '?')}({options})" if options else str(choice.get("name", "?"))
+def fixed_seconds(cell: Cell) -> float:
+    """Import, scene load, build and compilation: what a cold start pays before its first ray."""
+    return sum(phase_seconds(cell, phase) for phase in PHASES[:-1])
 
 
-def phase_seconds(cell: Event, phase: str) -> float:
-    """Seconds of a phase; 0 where it was not recorded."""
-    value = (cell.get("phases") or {}).get(f"{phase}_seconds")
-    return float(value) if value is not None and math.isfinite(value) else 0.0
-
-
-def curve_of(cell: Event, metric: str) -> Curve:
-    """The errors of a cell's checkpoints by `metric`: see `point_error`."""
-    points = cell.get("points") or []
+def curve_of(points: Sequence[Point], metric: str, smooth: bool, reproducible: bool) -> Curve:
+    """The errors of checkpoints by `metric`, see `point_error`, of a sampler and an engine that are such."""
     errors, spreads = np.array([point_error(point, metric) for point in points]).reshape(-1, 2).T
-    kind = {"smooth": bool(cell.get("smooth_sampler")), "reproducible": bool(cell.get("reproducible"))}
-    return curve([point["spp"] for point in points], [point["seconds"] for point in points], errors, spreads, **kind)
+    kind = {"smooth": smooth, "reproducible": reproducible}
+    return curve([point.spp for point in points], [point.seconds for point in points], errors, spreads, **kind)
 
 
-def samples_of(point: Event) -> float:
-    """Samples of a pixel at a checkpoint, on average: `spp`, or more from an engine that overshoots."""
-    return float(point.get("mean_spp") or point["spp"])
-
-
-def point_error(point: Event, metric: str) -> tuple[float, float]:
+def point_error(point: Point, metric: str) -> tuple[float, float]:
     """(error, its standard error) of a checkpoint: the corrected metric if it was measured, else the plain one.
 
     NaN for what was not measured.
     """
-    metrics = point.get("metrics") or {}
-    value = metrics.get(f"{metric}_corrected", metrics.get(metric))
-    se = metrics.get(f"{metric}_se")
-    return (math.nan if value is None else as_error(metric, float(value))), (math.nan if se is None else float(se))
+    value = point.metrics.get(f"{metric}_corrected", point.metrics.get(metric))
+    se = point.metrics.get(f"{metric}_se")
+    return (math.nan if value is None else as_error(metric, value)), (math.nan if se is None else se)
 
 
 def read_image(path: Path) -> np.ndarray | None:
@@ -248,49 +231,32 @@ def read_image(path: Path) -> np.ndarray | None:
         return None
 
 
-def _metric_of(quality: Mapping[str, Any]) -> str:
-    return metric_name(quality.get("metric", "relmse"), float(quality.get("epsilon", 0.01)))
+# --- settings as text, and names -------------------------------------------------------------------------------------
 
 
 def setting_text(axis: str, value: Any) -> str:
-    """A setting of `Settings` as tables and legends print it."""
-    return BRUTE_FORCE if (axis, value) == ("accelerator", "none") else str(value)
+    """A setting of `AXES` as tables, legends and messages print it: the accelerator `none` is brute force."""
+    return BRUTE_FORCE if axis == "accelerator" and value.name == "none" else str(value)
 
 
-def settings_of(cell: Event) -> Settings:
-    """The configuration of a cell."""
-    return Settings(
-        str(cell.get("scene", "?")),
-        str(cell.get("engine", "?")),
-        choice_text(cell.get("accelerator")),
-        choice_text(cell.get("shader")),
-        choice_text(cell.get("sampler")),
-        str(cell.get("precision") or ""),
-        int(cell.get("threads") or 1),
-        f"{cell.get('width') or '?'}x{cell.get('height') or '?'}",
-        str(cell.get("label") or ""),
-        str(cell.get("env_id") or "")[:8],
-        str(cell.get("division") or "closed"),
-    )
-
-
-def _contestants(cells: Sequence[Event], config_scenes: Sequence[str]) -> list[Contestant]:
+def _contestants(cells: Sequence[Cell], config_scenes: Sequence[str]) -> list[Contestant]:
     """Cells by configuration, named by what differs among those that were measured, or from them; a single shader by its
     options alone.
 
-    Scenes come in the order of the config, others after them as they appear.
+    Scenes come in the order of the config, others after them as they appear; contestants of a scene in that of their settings
+    as texts.
     """
-    groups: dict[Settings, list[Event]] = {}
+    groups: dict[Settings, list[Cell]] = {}
     for cell in cells:
-        groups.setdefault(settings_of(cell), []).append(cell)
+        groups.setdefault(cell.settings, []).append(cell)
     scenes = list(dict.fromkeys([*config_scenes, *(settings.scene for settings in groups)]))
     contestants = [
-        Contestant(settings, sorted(groups[settings], key=lambda cell: cell.get("block") or 0))
-        for settings in sorted(groups, key=lambda s: (scenes.index(s.scene), s))
+        Contestant(settings, tuple(sorted(groups[settings], key=lambda cell: cell.block)))
+        for settings in sorted(groups, key=lambda s: (scenes.index(s.scene), s.order()))
     ]
     choices = choices_of(contestants)
     words = [name_words(contestant, choices) for contestant in contestants]
-    if len({own["shader"].partition("(")[0] for own in words}) == 1:
+    if len({contestant.settings.shader.name for contestant in contestants}) == 1:
         words = [own | {"shader": own["shader"].partition("(")[2].removesuffix(")")} for own in words]
     measured = [bool(contestant.done) for contestant in contestants]
     seen: dict[tuple[str, str], set[str]] = {}
@@ -298,10 +264,11 @@ def _contestants(cells: Sequence[Event], config_scenes: Sequence[str]) -> list[C
         if done or not any(measured):
             for axis in AXES:
                 seen.setdefault(scope(axis, contestant), set()).add(own[axis])
+    named = []
     for contestant, own in zip(contestants, words, strict=True):
         shown = [own[a] for a in AXES if a == "engine" or seen.get(scope(a, contestant), set()) - {own[a]}]
-        contestant.name = " ".join(word for word in shown if word)
-    return contestants
+        named.append(replace(contestant, name=" ".join(word for word in shown if word)))
+    return named
 
 
 def scope(axis: str, contestant: Contestant) -> tuple[str, str]:
@@ -309,34 +276,30 @@ def scope(axis: str, contestant: Contestant) -> tuple[str, str]:
     return axis, {"accelerator": contestant.settings.engine, "size": contestant.settings.scene}.get(axis, "")
 
 
-def choices_of(contestants: Sequence[Contestant]) -> dict[tuple[str, str], list[Any]]:
+def choices_of(contestants: Sequence[Contestant]) -> dict[tuple[str, str], list[Choice]]:
     """The different choices of accelerators, shaders and samplers in each scope."""
-    found: dict[tuple[str, str], list[Any]] = {}
+    found: dict[tuple[str, str], dict[Choice, None]] = {}
     for contestant in contestants:
-        for axis in ("accelerator", "shader", "sampler"):
-            known = found.setdefault(scope(axis, contestant), [])
-            if contestant.cells[0].get(axis) not in known:
-                known.append(contestant.cells[0].get(axis))
-    return found
+        for axis in CHOICES:
+            found.setdefault(scope(axis, contestant), {})[getattr(contestant.settings, axis)] = None
+    return {key: list(choices) for key, choices in found.items()}
 
 
-def name_words(contestant: Contestant, choices: Mapping[tuple[str, str], Sequence[Any]]) -> dict[str, str]:
+def name_words(contestant: Contestant, choices: Mapping[tuple[str, str], Sequence[Choice]]) -> dict[str, str]:
     """Axis -> its word in a name, "" for the closed division. Options only where two choices of one name differ in them."""
     settings = contestant.settings
-    words = {axis: str(getattr(settings, axis)) for axis in AXES}
+    words = {axis: str(getattr(settings, axis)) for axis in AXES if axis not in CHOICES}
     words["threads"] = f"{settings.threads} thread{'s' if settings.threads != 1 else ''}"
     words["division"] = "" if settings.division == "closed" else f"{settings.division} division"
-    for axis in ("accelerator", "shader", "sampler"):
-        words[axis] = brief_choice(contestant.cells[0].get(axis), choices[scope(axis, contestant)])
+    for axis in CHOICES:
+        words[axis] = brief_choice(getattr(settings, axis), choices[scope(axis, contestant)])
     return words
 
 
-def brief_choice(choice: Any, others: Sequence[Any]) -> str:
-    """`choice_text` with only those options that differ among the choices of the same name; `none` is brute force."""
-    if isinstance(choice, Mapping) and choice.get("name") == "none":
+def brief_choice(choice: Choice, others: Sequence[Choice]) -> str:
+    """A choice with only those options that differ among the choices of the same name; `none` is brute force."""
+    if choice.name == "none":
         return BRUTE_FORCE
-    if not isinstance(choice, Mapping):
-        return choice_text(choice)
-    same = [other for other in others if isinstance(other, Mapping) and other.get("name") == choice.get("name")]
-    differing = {key: choice[key] for key in choice if any(other.get(key) != choice[key] for other in same)}
-    return choice_text({"name": choice.get("name"), **differing})
+    same = [other.options for other in others if other.name == choice.name]
+    differing = {key: value for key, value in choice.options.items() if any(other.get(key) != value for other in same)}
+    return str(Choice(choice.name, differing))

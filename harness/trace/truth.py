@@ -1,6 +1,6 @@
 """Exact answers to rays in a whole scene: closest hits and occlusion, decided in decimals of 80 digits.
 
-A hierarchy of boxes, padded by more than float64 rounds, leaves the primitives that a ray can meet; `verify.oracle` decides
+A hierarchy of boxes, padded by more than float64 rounds, leaves the primitives that a ray can meet; `oracle` decides
 which it does meet. No code is shared with an engine.
 """
 
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.scene import Cylinder, Disk, Mesh, Plane, Scene, Sphere, SphereSet, Triangle
-from harness.verify import oracle
+from harness.trace import oracle
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

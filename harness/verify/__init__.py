@@ -9,7 +9,8 @@ the cases, compares each measurement with a tolerance (`tolerances`) and gives a
 `oracle` and `closed_forms`. The cases are in `checks/`, the commands in `commands/`.
 """
 
+from harness.check_results import CheckResult
 from harness.verify.results_file import read_results
-from harness.verify.suite import CASES, CheckResult, run_suite
+from harness.verify.suite import CASES, run_suite
 
 __all__ = ["CASES", "CheckResult", "read_results", "run_suite"]

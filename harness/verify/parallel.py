@@ -1,36 +1,36 @@
 """The suite in worker processes: each runs one job after another, and a process that dies is a failed check.
 
-A job is one section of cases for one engine in one precision. Processes are spawned, not forked, because engines start
-threads. A process keeps what an engine has compiled or loaded for its next jobs. The parent imports no engine: worker
-processes list what an engine has, too, so no native library can crash the parent after the results are known.
+A job is one section of cases for one engine in one precision. A process keeps what an engine has compiled or loaded for its
+next jobs. The parent imports no engine: worker processes list what an engine has, too, so no native library can crash the
+parent after the results are known.
 """
 
 from __future__ import annotations
 
-import multiprocessing
-import signal
+import os
+import select
 import warnings
 from collections import deque
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache
-from multiprocessing.connection import Connection, wait
 from time import perf_counter
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from engines import registry
 from engines.errors import RaybenchError
-from harness.processes import die_with_parent
+from engines.imports import users_folders
+from engines.processes import BadMessage, Channel, Closed, Process, pickled
+from harness.check_results import CheckResult
+from harness.processes import python_path
 from harness.verify.case import Case
 from harness.verify.subject import Skipped, Subject, accelerator_names, precisions
-from harness.verify.suite import CASES, CheckResult, failure, run_case
+from harness.verify.suite import CASES, failure, run_case
 from harness.verify.tolerances import tracing_precision
 
-SPAWN = multiprocessing.get_context("spawn")
-
-
+T = TypeVar("T")
 _engine = cache(registry.engine)
 
 
@@ -74,6 +74,19 @@ class Job(NamedTuple):
         return Subject(engine, self.precision, accelerator, self.quick)
 
 
+class Describe(NamedTuple):
+    """Asks a worker process for the `EngineInfo` of an engine."""
+
+    spec: str
+
+
+class Run(NamedTuple):
+    """Asks a worker process for the results of a job's checks, each a list, from check `first` on."""
+
+    job: Job
+    first: int
+
+
 @dataclass
 class RunningJob:
     """A job in progress: `results` has one list per finished check."""
@@ -98,7 +111,7 @@ def describe_engines(specs: Sequence[str]) -> list[EngineInfo]:
     workers = [_Worker() for _ in specs]
     try:
         for worker, spec in zip(workers, specs, strict=True):
-            worker.pipe.send(spec)
+            worker.ask(Describe(spec))
         return [worker.receive_info(spec) for worker, spec in zip(workers, specs, strict=True)]
     finally:
         for worker in workers:
@@ -141,20 +154,20 @@ def make_jobs(engines: Sequence[EngineInfo], quick: bool, cases: Sequence[Case] 
 def run_jobs(jobs: Sequence[Job], processes: int) -> Iterator[FinishedJob]:
     """The jobs as they end, in at most `processes` processes; all of these end when the caller stops early."""
     waiting = deque(RunningJob(number, job) for number, job in enumerate(jobs))
-    busy: dict[Connection, tuple[_Worker, RunningJob]] = {}
+    busy: dict[Channel, tuple[_Worker, RunningJob]] = {}
     idle: list[_Worker] = []
     try:
         while waiting or busy:
             while waiting and len(busy) < processes:
                 worker = idle.pop() if idle else _Worker()
-                busy[worker.pipe] = worker, worker.begin(waiting.popleft())
-            for pipe in wait(list(busy)):
-                worker, running = busy[pipe]  # type: ignore[index]
+                busy[worker.channel] = worker, worker.begin(waiting.popleft())
+            for channel in select.select(list(busy), [], [])[0]:
+                worker, running = busy[channel]
                 alive = worker.receive_results(running)
                 finished = len(running.results) == len(running.job.checks)
                 if alive and not finished:
                     continue
-                del busy[pipe]  # type: ignore[arg-type]
+                del busy[channel]
                 if alive:
                     idle.append(worker)
                 if finished:
@@ -171,79 +184,75 @@ class _Worker:
     """The parent's end of a process."""
 
     def __init__(self) -> None:
-        self.pipe, theirs = SPAWN.Pipe()
-        self.process = SPAWN.Process(target=_serve, args=(theirs,), daemon=True)
-        with _interrupt_ignored():
-            self.process.start()
-        theirs.close()
+        environment = {**os.environ, "PYTHONPATH": python_path(users_folders())}
+        self.process = Process("harness.verify.parallel:serve", environment=environment)
+        (self.channel,) = self.process.channels
+
+    def ask(self, request: Describe | Run) -> None:
+        with suppress(Closed):  # the process died while idle: `receive` notices it
+            pickled.send(self.channel, request)
 
     def begin(self, running: RunningJob) -> RunningJob:
         running.since = running.since or perf_counter()
-        with suppress(OSError):  # the process died while idle: `receive_results` notices it
-            self.pipe.send((running.job, len(running.results)))
+        self.ask(Run(running.job, len(running.results)))
         return running
+
+    def receive(self, kind: type[T]) -> T:
+        """The next answer. Raises `_Died`."""
+        try:
+            answer = pickled.receive(self.channel)
+            if not isinstance(answer, kind):
+                raise BadMessage(f"it sent {answer!r:.80} where {kind.__name__} is expected")
+            return answer
+        except Closed:
+            ending = self.process.ended()
+        except (BadMessage, pickled.Unreadable) as error:
+            ending = f"was killed: {error}"
+        self.end()
+        raise _Died(f"the engine's process {ending}")
 
     def receive_results(self, running: RunningJob) -> bool:
         """Adds the results of one check; False where the process has died of it, which is a failure of the check."""
         try:
-            running.results.append(self.pipe.recv())
-        except (EOFError, OSError):
-            self.process.join()
+            running.results.append(self.receive(list))
+        except _Died as death:
             case, accelerator = running.job.checks[len(running.results)]
             subject = running.job.subject_without_engine(accelerator)
-            running.results.append([failure(_case(case), subject, _death(self.process.exitcode or 0))])
-            self.pipe.close()
+            running.results.append([failure(_case(case), subject, str(death))])
             return False
         return True
 
     def receive_info(self, spec: str) -> EngineInfo:
         """What the process reports of an engine, or how it died of loading it."""
         try:
-            return self.pipe.recv()
-        except (EOFError, OSError):
-            self.process.join()
-            return EngineInfo(spec, problem=f"engine {spec!r}: {_death(self.process.exitcode or 0)} when it was loaded")
+            return self.receive(EngineInfo)
+        except _Died as death:
+            return EngineInfo(spec, problem=f"engine {spec!r}: {death} when it was loaded")
 
     def end(self) -> None:
         self.process.kill()
-        self.process.join()
-        self.pipe.close()
 
 
-def _death(status: int) -> str:
-    how = f"was killed by {signal.Signals(-status).name}" if status < 0 else f"ended with status {status}"
-    return f"the engine's process {how}"
+class _Died(Exception):
+    """A worker process has ended; says how."""
 
 
 def _case(id: str) -> Case:
     return next(case for case in CASES if case.id == id)
 
 
-@contextmanager
-def _interrupt_ignored() -> Iterator[None]:
-    """Processes started in this context ignore Ctrl-C, which a terminal sends to all of them: the parent handles it."""
-    before: Any = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
-def _serve(pipe: Connection) -> None:
-    """The worker process: answers an engine's name with an `EngineInfo` and each check of a job with its results."""
+def serve(descriptors: Sequence[int], arguments: Sequence[str]) -> None:
+    """The worker process: answers until the parent closes the socket `descriptors[0]`."""
     from threadpoolctl import threadpool_limits
 
-    die_with_parent()
     warnings.formatwarning = lambda message, *_, **__: f"raybench: warning: {message}\n"
-    with threadpool_limits(1):
+    channel = Channel.at(descriptors[0])
+    with threadpool_limits(1), suppress(Closed):
         while True:
-            try:
-                request = pipe.recv()
-            except EOFError:
-                return
-            if isinstance(request, str):
-                pipe.send(_describe(request))
+            request = pickled.receive(channel)
+            if isinstance(request, Describe):
+                pickled.send(channel, _describe(request.spec))
                 continue
-            job, begin = request
-            for case, accelerator in job.checks[begin:]:
-                pipe.send(list(run_case(_case(case), job.subject(accelerator))))
+            job, first = request
+            for case, accelerator in job.checks[first:]:
+                pickled.send(channel, list(run_case(_case(case), job.subject(accelerator))))

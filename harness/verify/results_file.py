@@ -12,8 +12,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from engines.errors import ConfigError
 from engines.input_files import open_regular
-from harness.verify.check_result import CheckResult
-from harness.verify.summary import counts
+from harness.check_results import CheckResult, counts
 
 FORMAT_VERSION = 2
 """2: outcomes are pass, xfail, fail and skip; the rows are `results`."""

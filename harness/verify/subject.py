@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from engines.choices import SAMPLERS, SHADERS
+from engines.choices import UNBIASED, own_samplers, shaders_and_samplers
 from engines.errors import RaybenchError
 from engines.interface import Engine, Hits, Renderer, Settings
 from engines.scene import Light, Material, Scene, Shape
@@ -19,8 +19,6 @@ from harness.verify.tolerances import tracing_precision
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
-UNBIASED = ("random", "sobol", "halton")
-"""Samplers whose images have the right mean with few samples, the best for statistics first."""
 
 
 class Skipped(Exception):
@@ -120,18 +118,6 @@ class Subject:
 def accelerator_names(engine: Engine) -> list[str]:
     """The names of the accelerators without `auto`; `auto` where there is no other."""
     return [name for name in engine.accelerators() if name != "auto"] or ["auto"]
-
-
-def own_samplers(engine: Engine) -> list[str]:
-    """The names of the samplers that only this engine has."""
-    return list(getattr(engine, "samplers", dict)())
-
-
-def shaders_and_samplers(engine: Engine) -> list[dict[str, Any]]:
-    """Settings with every shader and sampler; those that most engines have come first."""
-    shaders = ["path_tracer", *(name for name in SHADERS if name != "path_tracer")]
-    samplers = dict.fromkeys([*UNBIASED, *SAMPLERS, *own_samplers(engine)])
-    return [{"shader": shader, "sampler": sampler} for shader, sampler in product(shaders, samplers)]
 
 
 def refusal(engine: Engine, given: Scene, settings: Settings) -> str | None:

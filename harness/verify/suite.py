@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import inspect
 import time
-from collections.abc import Iterator, Sequence
-from typing import Any, get_args
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from typing import Any
 
 import numpy as np
 
 from engines.interface import Engine
+from harness.check_results import FAIL, PASS, SKIP, XFAIL, CheckResult, Outcome
+from harness.measure.messages import End, Parent, Results
+from harness.suites import Check
 from harness.verify.case import Case, Measurement
-from harness.verify.check_result import CheckResult, Outcome
 from harness.verify.checks import (
     accelerators,
     cameras,
@@ -53,8 +57,6 @@ SECTIONS = (
 CASES: tuple[Case, ...] = tuple(case for section in SECTIONS for case in section.cases)
 """Every case, in the order of the tables."""
 
-PASS, XFAIL, FAIL, SKIP = OUTCOMES = get_args(Outcome)
-
 
 def select_cases(names: Sequence[str]) -> list[Case]:
     """The cases of these ids and sections, in the order of the suite."""
@@ -64,6 +66,16 @@ def select_cases(names: Sequence[str]) -> list[Case]:
 def case_names() -> list[str]:
     """The names that `select_cases` knows: sections first, then ids."""
     return [*dict.fromkeys(case.section for case in CASES), *(case.id for case in CASES)]
+
+
+def checks(engine: Engine, names: Sequence[str]) -> Iterator[Check]:
+    """What a run whose config names these checks of the engine; see `harness.suites`."""
+    with suppress(Skipped):
+        for precision in precisions(engine):
+            for case in select_cases(names):
+                source = inspect.getsource(inspect.getmodule(case.check) or case.check)
+                for accelerator in accelerator_names(engine) if case.each_accelerator else ["auto"]:
+                    yield Check(case.id, precision, accelerator, source)
 
 
 def run_suite(engines: Sequence[Engine], quick: bool = False, cases: Sequence[Case] = CASES) -> Iterator[CheckResult]:
@@ -87,6 +99,14 @@ def run_case(case: Case, subject: Subject) -> Iterator[CheckResult]:
         yield _result(case, subject, Measurement(np.zeros(0), note=str(reason)), SKIP, 0.0)
     except Exception as error:
         yield failure(case, subject, f"{type(error).__name__}: {error}", time.perf_counter() - since)
+
+
+def job(engine: Engine, request: Mapping[str, Any], parent: Parent) -> None:
+    """What a measuring worker does for a `Check`: sends the results of its case, each a `CheckResult` as plain data."""
+    case = next(case for case in CASES if case.id == request["case"])
+    subject = Subject(engine, request["precision"], request["accelerator"], request["quick"])
+    parent.send(Results([dict(result) for result in run_case(case, subject)]))
+    parent.send(End({}, {}))
 
 
 def failure(case: Case, subject: Subject, note: str, seconds: float = 0.0) -> CheckResult:

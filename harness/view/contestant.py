@@ -13,6 +13,7 @@ from engines.registry import engine as engine_of
 from harness.config.settings import engine_settings
 from harness.measure import clock
 from harness.measure.contention import Disturbance, judged
+from harness.measure.messages import End, Point, Prepared
 from harness.measure.pool import WorkerMessage
 from harness.measure.schedule import Schedule, checkpoints
 from harness.metrics import as_error
@@ -46,7 +47,7 @@ class Contestant:
         warm = engine_settings(self.cell.settings, seed + WARM_UP_SEED, self._allow_imports)
         self.renderer, build, compilation = clock.prepare(engine, scene, warm)
         self._seconds_per_sample = clock.one_sample(self.renderer)
-        self._record_message(did="prepared", load_seconds=load, build_seconds=build, compile_seconds=compilation)
+        self._record.follow([WorkerMessage(Prepared(load, build, compilation))])
         self.phases = {"build": build, "compile": compilation}
         settings = engine_settings(self.cell.settings, seed, self._allow_imports)
         self.renderer = clock.prepare(engine, scene, settings)[0]
@@ -56,9 +57,6 @@ class Contestant:
         self._checkpoints = checkpoints(Schedule.of(self._recorder.plan.experiment.checkpoints, self.cell.budget))
         self._next_checkpoint = next(self._checkpoints)
         self._recorder.begin(self.cell)
-
-    def _record_message(self, film: Film | None = None, **message: Any) -> None:
-        self._record.follow([WorkerMessage(message, film)])
 
     def race(self, seconds: float) -> None:
         """Renders for about that long. At checkpoints the clock stops while the error is measured."""
@@ -81,7 +79,7 @@ class Contestant:
     def _checkpoint(self, film: Film) -> None:
         rays = clock.counters(self.renderer).get("rays", 0.0) - self._rays_before if self.renderer else 0.0
         # a copy: the film changes, and the image is kept until the contestant ends
-        self._record_message(deepcopy(film), did="point", spp=self.spp, seconds=self.seconds, rays=rays)
+        self._record.follow([WorkerMessage(Point(self.spp, self.seconds, rays), deepcopy(film))])
         error, _ = point_error(self._record.points[-1], self._recorder.metric)
         self.points.append((self.seconds, error, self.spp))
         while self._next_checkpoint <= self.spp:
@@ -90,8 +88,7 @@ class Contestant:
     def crossings(self) -> list[dict[str, Any]]:
         """When each target was reached, and whether the noise of the reference leaves that in doubt, as in reports."""
         metric, cell = self._recorder.metric, self.cell
-        kind = {"smooth_sampler": cell.smooth_sampler, "reproducible": cell.reproducible}
-        curve, found = curve_of({"points": self._record.points, **kind}, metric), []
+        curve, found = curve_of(self._record.points, metric, cell.smooth_sampler, cell.reproducible), []
         for target in self._recorder.plan.experiment.quality.targets or ():
             crossing = crossing_seconds(curve, as_error(metric, target))
             reliable = crossing.noise <= 1 / CLEAR_ERRORS
@@ -104,6 +101,6 @@ class Contestant:
             return
         counters = {k: v for k, v in clock.counters(self.renderer).items() if k not in ("build_seconds", "compile_seconds")}
         machine = judged(self._disturbance.report(), self.cell.settings["threads"])
-        self._record_message(did="end", counters=counters, machine=machine)
+        self._record.follow([WorkerMessage(End(counters, machine))])
         event = self._recorder.measured_as(self._record, ())
-        self._recorder.finish(self.cell, {**event, "wall_seconds": perf_counter() - self._start})
+        self._recorder.finish(self.cell, event.replaced(wall_seconds=perf_counter() - self._start))

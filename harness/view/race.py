@@ -7,6 +7,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
+from engines.choices import Choice
 from engines.errors import ConfigError
 from engines.film import Film
 from engines.interface import Renderer
@@ -19,6 +20,7 @@ from harness.measure import clock
 from harness.plan import planner
 from harness.plan.cells import Cell, Plan
 from harness.run.sweep import Options, Sweep
+from harness.store import records
 from harness.store.results import brief_choice
 from harness.view import requests
 from harness.view.contestant import Contestant
@@ -44,7 +46,7 @@ class Listener:
 
     def cell(self, cell: Cell, number: int, total: int, seconds_left: float) -> None: ...
     def point(self, spp: int, seconds: float) -> None: ...
-    def finished(self, cell: Cell, event: Mapping[str, Any]) -> None: ...
+    def finished(self, cell: Cell, event: records.Cell) -> None: ...
     def verify_job(self, name: str, number: int, total: int) -> None: ...
 
 
@@ -114,7 +116,7 @@ class Race:
         """Renders the references that are missing. Raises `Stopped`, and `ConfigError` where an engine fails."""
         self.sweep.record_plan()
         self.sweep.make_references(self.replicates)
-        failed = [event["message"] for event in self.sweep.recorder.latest.values() if event["state"] == "failed"]
+        failed = [event.message for event in self.sweep.recorder.latest.values() if event.state == "failed"]
         if failed:
             raise ConfigError(failed[0])
 
@@ -170,7 +172,7 @@ def _names(cells: Sequence[Cell]) -> list[str]:
         if all(value == cell.settings[key] for value in values):
             return ""
         if key in KINDS:
-            return brief_choice(cell.settings[key], values)
+            return brief_choice(Choice.of(cell.settings[key]), [Choice.of(value) for value in values])
         return f"{cell.settings[key]}{' threads' if key == 'threads' else ''}"
 
     keys = (*KINDS, "precision", "threads")

@@ -5,12 +5,11 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
-import os
-import signal
 import sys
 from collections.abc import Mapping
 from typing import Any
 
+from engines.processes import BadMessage, Process, channel
 from harness.processes import worker_environment
 from harness.view.messages import header_of
 
@@ -20,26 +19,15 @@ STREAM_LIMIT = 1 << 23
 class Worker:
     """A process that renders for one tab."""
 
-    def __init__(self, process: asyncio.subprocess.Process) -> None:
-        self._process = process
-        assert process.stdin is not None and process.stdout is not None
-        self._to, self._from = process.stdin, process.stdout
+    def __init__(self, process: Process, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self._process, self._from, self._to = process, reader, writer
 
     @classmethod
     async def start(cls, allow_imports: bool) -> Worker:
         """Starts a worker and waits for its imports."""
-        process = await asyncio.create_subprocess_exec(
-            sys.executable,
-            "-P",
-            "-m",
-            "harness.view.worker",
-            stdin=asyncio.subprocess.PIPE,
-            stdout=asyncio.subprocess.PIPE,
-            env=worker_environment(allow_imports),
-            start_new_session=True,
-            limit=STREAM_LIMIT,
-        )
-        made = cls(process)
+        process = Process("harness.view.worker:main", environment=worker_environment(allow_imports))
+        streams = await asyncio.open_connection(sock=process.channels[0].socket, limit=STREAM_LIMIT)
+        made = cls(process, *streams)
         try:
             first = await made.receive()
         except BaseException:
@@ -52,29 +40,33 @@ class Worker:
 
     async def send(self, request: Mapping[str, Any]) -> None:
         """Sends a request. `receive` notices a worker that has ended."""
-        data = json.dumps(request).encode()
         with contextlib.suppress(ConnectionError):
-            self._to.write(len(data).to_bytes(4, "little") + data)
+            self._to.write(channel.framed(json.dumps(request).encode()))
             await self._to.drain()
 
     async def receive(self) -> bytes | None:
-        """The next message; None where the process has ended."""
+        """The next message; None where the process has ended, or is of no more use."""
         try:
-            length = int.from_bytes(await self._from.readexactly(4), "little")
-            return await self._from.readexactly(length)
+            _, size = channel.sizes(await self._from.readexactly(channel.HEAD.size))
+            return await self._from.readexactly(size)
         except (asyncio.IncompleteReadError, ConnectionError):
+            return None
+        except BadMessage as error:
+            print(f"raybench view: a worker was killed: {error}", file=sys.stderr)
+            self.kill()
             return None
 
     async def ended(self) -> str:
         """How the process ended, as a phrase."""
-        status = await self._process.wait()
-        return f"was killed by {signal.Signals(-status).name}" if status < 0 else f"ended with status {status}"
+        ending = await asyncio.to_thread(self._process.ended)
+        self.kill()
+        return ending
 
     def kill(self) -> None:
         """Kills the process and its children; does nothing where it has ended."""
-        if self._process.returncode is None:
-            with contextlib.suppress(ProcessLookupError, PermissionError):
-                os.killpg(self._process.pid, signal.SIGKILL)
+        self._process.kill(wait=False)
+        self._to.transport.abort()
+        asyncio.get_running_loop().run_in_executor(None, self._process.kill)
 
 
 class WorkerPool:

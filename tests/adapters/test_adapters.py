@@ -8,9 +8,9 @@ import pytest
 
 import engines
 from engines import ConfigError, Settings, UnknownName, Unsupported
-from engines.adapters import camera_frame, derive_seed, flat_meshes
 from engines.conformance import check_engine
 from engines.errors import RendererFailed
+from engines.peers.adapters import camera_frame, derive_seed, flat_meshes
 from engines.scene import Mesh
 from tests.adapters.tiny import ByCalls, Engine
 

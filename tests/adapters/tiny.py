@@ -4,7 +4,7 @@ from types import MappingProxyType
 
 import engines
 from engines import Settings
-from engines.adapters import AdapterEngine, ImageRenderer, derive_seed
+from engines.peers.adapters import AdapterEngine, ImageRenderer, derive_seed
 from engines.scene import Diffuse, Mesh, Mixture, Perspective, PointLight, Triangle
 
 

@@ -48,7 +48,7 @@ class Pair(NamedTuple):
 
 def mitsuba_native(renderer: Any) -> Callable[[int], float]:
     """Mitsuba's own render call of so many samples per pixel, with what a warm renderer of its engine has loaded."""
-    from engines.mitsuba.shaders import path_node
+    from engines.peers.mitsuba.shaders import path_node
 
     stage = renderer._stage
     mi, dr = stage.mi, stage.dr

@@ -93,7 +93,7 @@ def read(block: Block, here: str) -> None:
     import yaml
 
     import engines
-    from engines.external.description import read as read_renderer
+    from engines.peers.external.description import read as read_renderer
     from harness import config
     from harness.config.trace import load_trace
 

@@ -9,7 +9,7 @@ import pytest
 
 import engines
 from engines import Settings, Unsupported
-from engines.export import export
+from engines.peers.export import export
 from harness.config import paths
 from tests.harness.sweeping import raybench
 from tests.image_tests import image_tests

@@ -6,8 +6,8 @@ import sys
 import numpy as np
 
 from engines import Settings
-from engines.export import export
-from engines.mitsuba import ScalarEngine, engine
+from engines.peers.export import export
+from engines.peers.mitsuba import ScalarEngine, engine
 from engines.scene import Cylinder, EnvironmentLight, Material, Mesh, Scene, Sphere, ThinLens
 from tests.mitsuba.test_description import MODELS
 from tests.needs import needs

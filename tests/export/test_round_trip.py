@@ -5,7 +5,7 @@ import pytest
 
 import engines
 from engines import Settings
-from engines.export import export
+from engines.peers.export import export
 from harness.config import paths
 from tests.mitsuba.peer import mi
 from tests.needs import needs

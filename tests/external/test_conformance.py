@@ -47,7 +47,7 @@ def test_a_picture_that_is_not_the_scenes_is_seen(found):
     broken = {key for key, finding in found.items() if finding.verdict == "broken"}
     assert broken == {key_of(light.images_are_upright)}
     unexamined = {key for key, finding in found.items() if finding.verdict == "not promised"}
-    assert unexamined == set(engines.external.engine.NOT_PROMISED)
+    assert unexamined == set(engines.peers.external.engine.NOT_PROMISED)
 
 
 def test_raybenchs_own_command_makes_right_images(monkeypatch):

@@ -14,8 +14,8 @@ import pytest
 import engines
 from engines import Settings
 from engines.errors import ConfigError, RendererFailed, Unsupported
-from engines.external.pictures import read_pfm
-from engines.external.template import filled
+from engines.peers.external.pictures import read_pfm
+from engines.peers.external.template import filled
 from engines.scene import CustomLight
 from tests.external.describing import described
 from tests.needs import needs

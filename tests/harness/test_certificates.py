@@ -8,6 +8,7 @@ import pytest
 from engines.errors import ConfigError
 from engines.registry import engine, lineage_of
 from harness import config, store
+from harness.analysis.certificates import certificate_text, certifies
 from harness.measure.pool import Pool
 from harness.plan import certifiers, planner
 from harness.report import write_derived
@@ -43,33 +44,33 @@ def test_an_engine_of_another_lineage_that_makes_the_same_image_certifies(made):
     _, found = made("Apart", spp=8192)
     assert found["verdict"] == "equivalent" and found["image_bound"] < 0.005 and found["tile_bound"] < 0.05
     assert found["difference"] != 0, "it draws other random numbers"
-    assert (found["lineage"], found["reference_lineage"]) == ("apart", "steady") and certificates.certifies(found)
-    said = certificates.words(found)
+    assert (found["lineage"], found["reference_lineage"]) == ("apart", "steady") and certifies(found)
+    said = certificate_text(found)
     assert said.startswith("certified by fake_engines:Apart (12x8, 8192 spp): image means differ by at most 0.")
 
 
 def test_one_that_draws_the_same_numbers_needs_few(made):
     _, found = made("Other", spp=64)
-    assert found["verdict"] == "identical" and found["image_bound"] < 1e-12 and certificates.certifies(found)
+    assert found["verdict"] == "identical" and found["image_bound"] < 1e-12 and certifies(found)
 
 
 def test_a_brighter_engine_does_not(made):
     _, found = made("Brighter")
-    assert found["verdict"] == "different" and not certificates.certifies(found)
+    assert found["verdict"] == "different" and not certifies(found)
     assert found["difference"] == pytest.approx(fake_engines.Brighter.factor - 1, abs=0.004)
-    assert "REFUTED" in certificates.words(found)
+    assert "REFUTED" in certificate_text(found)
 
 
 def test_few_samples_are_unresolved(made):
     _, found = made("Apart", spp=8)
-    assert found["verdict"] == "unresolved" and not certificates.certifies(found)
-    said = certificates.words(found)
+    assert found["verdict"] == "unresolved" and not certifies(found)
+    said = certificate_text(found)
     assert said.startswith("uncertified: ") and "more samples are needed" in said
 
 
 def test_an_engine_that_cannot_says_why(made):
     _, found = made("Picky", spp=8)
-    assert found["verdict"] == "impossible" and certificates.words(found) == "uncertified: it never feels like it"
+    assert found["verdict"] == "impossible" and certificate_text(found) == "uncertified: it never feels like it"
 
 
 def test_one_with_bad_samples_makes_no_certificate(made):
@@ -176,10 +177,10 @@ def test_a_reference_without_a_certificate_is_uncertified_in_the_first_lines(tmp
 
 def test_certificates_of_old_and_of_ones_own_lineage_certify_nothing():
     old = {"verdict": "equivalent", "engine": "numba", "difference": 0.0, "low": 0.0, "high": 0.0}
-    assert not certificates.certifies(old) and "older rule" in certificates.words(old)
+    assert not certifies(old) and "older rule" in certificate_text(old)
     bounds = {"image_bound": 0.001, "tile_bound": 0.01, "spp": 8}
     own = {**old, **bounds, "lineage": "raybench-kernels", "reference_lineage": "raybench-kernels"}
-    assert not certificates.certifies(own) and "own lineage" in certificates.words(own)
+    assert not certifies(own) and "own lineage" in certificate_text(own)
 
 
 def test_the_command_certifies_and_refuses(tmp_path):

@@ -158,7 +158,7 @@ request = {"scene_path": scene, "scene_hash": load_scene(scene).content_hash, "s
            "warm_up_seed": 2, "schedule": schedule, "patterns": []}
 try:
     with Pool(True, Path(sys.argv[2])) as pool:
-        print(json.dumps([m.message for m in pool.cell("fake_engines:Burning", request, 120.0)][-1]["machine"]))
+        print(json.dumps([m.message for m in pool.cell("fake_engines:Burning", request, 120.0)][-1].machine))
 finally:
     busy.kill()
 """

@@ -9,9 +9,9 @@ from types import MappingProxyType
 import pytest
 
 from engines.errors import ConfigError, RaybenchError
-from engines.external import Engine as Program
 from engines.interface import FullPattern
-from engines.mitsuba import Engine as MitsubaEngine
+from engines.peers.external import Engine as Program
+from engines.peers.mitsuba import Engine as MitsubaEngine
 from harness import config
 from harness.config.paths import shipped
 from harness.config.trace import is_trace

@@ -43,7 +43,7 @@ def ours(out):
     found = []
     for process in psutil.process_iter(["cmdline"]):
         try:
-            if "harness.measure.worker" in (process.info["cmdline"] or []) and str(out) in str(process.open_files()):
+            if "harness.measure.worker:main" in (process.info["cmdline"] or []) and str(out) in str(process.open_files()):
                 found.append(process.pid)
         except psutil.Error:
             continue

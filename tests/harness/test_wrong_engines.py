@@ -10,9 +10,10 @@ import wrong_engines
 
 from engines.errors import RendererFailed
 from engines.film import Film
+from engines.processes import BadMessage
 from harness import store
 from harness.analysis import analyse, frames
-from harness.measure import films, pool, protocol
+from harness.measure import films, messages, pool
 from harness.report.tables.verdicts import time_to_quality
 from harness.store.results import load_results
 from tests.harness import sweeping
@@ -120,29 +121,30 @@ def test_a_reference_by_a_wrong_engine_fails_and_the_run_goes_on(tmp_path, name,
         b"hello",
         b"[]",
         b"{}",
-        b'{"did": 3}',
-        b'{"did": ["end"]}',
-        b'{"did": "dance"}',
+        b'{"type": 3}',
+        b'{"type": ["end"]}',
+        b'{"type": "dance"}',
         b"\xff\xfe",
         b"[" * 5000,
-        b'{"did": "point", "spp": 1}',
-        b'{"did": "point", "spp": true, "seconds": 1}',
-        b'{"did": "point", "spp": 1, "seconds": Infinity}',
-        b'{"did": "point", "spp": 1, "seconds": -1}',
-        b'{"did": "point", "spp": 1, "seconds": 1, "rays": "many"}',
-        b'{"did": "prepared", "load_seconds": 1}',
-        b'{"did": "end", "counters": {"rays": NaN}}',
-        b'{"did": "end", "machine": 3}',
-        b'{"did": "failed", "message": 3}',
+        b'{"type": "point", "spp": 1}',
+        b'{"type": "point", "spp": true, "seconds": 1}',
+        b'{"type": "point", "spp": 1, "seconds": Infinity}',
+        b'{"type": "point", "spp": 1, "seconds": -1}',
+        b'{"type": "point", "spp": 1, "seconds": 1, "rays": "many"}',
+        b'{"type": "prepared", "load_seconds": 1}',
+        b'{"type": "end", "counters": {"rays": NaN}, "machine": {}}',
+        b'{"type": "end", "counters": {}, "machine": 3}',
+        b'{"type": "failed", "message": 3}',
+        b'{"type": "failed", "message": "no", "further": 1}',
     ],
 )
 def test_what_is_no_message_is_refused(line):
-    with pytest.raises(protocol.BadMessage):
-        protocol.parsed(line)
+    with pytest.raises(BadMessage):
+        messages.answer_of(line)
 
 
 def test_text_of_a_message_can_always_be_written():
-    message = protocol.parsed(b'{"did": "failed", "message": "caf\\udce9"}')
+    message = messages.answer_of(b'{"type": "failed", "message": "caf\\udce9"}')
     assert json.dumps(message, ensure_ascii=False).encode()
 
 
@@ -150,14 +152,15 @@ def test_a_request_after_one_that_was_left_finds_a_fresh_process(tmp_path):
     request = {"scene_path": "nowhere", "scene_hash": "", "spp": 1, "settings": {"width": 4, "height": 4}}
     with pool.Pool(True, tmp_path / "log") as workers:
         worker = workers.worker("fake_engines:Steady")
-        worker.ask({"do": "reference", **request, "seeds": [1], "allow_imports": True, "scratch": ""})
+        request |= {"seeds": [1], "allow_imports": True, "scratch": ""}
+        worker.ask(messages.Job("harness.measure.jobs:reference", request))
         assert workers.worker("fake_engines:Steady") is not worker and not worker.usable
 
 
 def test_numbers_too_large_for_arithmetic_are_no_message():
-    for line in (b'{"did": "point", "spp": 1, "seconds": 1%s}', b'{"did": "end", "counters": {"rays": 1%s}}'):
-        with pytest.raises(protocol.BadMessage, match="is expected") as refused:
-            protocol.parsed(line % (b"0" * 400))
+    for line in (b'{"type": "point", "spp": 1, "seconds": 1%s}', b'{"type": "end", "counters": {"rays": 1%s}, "machine": {}}'):
+        with pytest.raises(BadMessage, match="is expected") as refused:
+            messages.answer_of(line % (b"0" * 400))
         assert len(str(refused.value)) < 400
 
 

@@ -15,6 +15,7 @@ from fake_engines import FakeRenderer, Steady
 
 from engines.film import Film
 from engines.interface import Settings
+from engines.processes.channel import framed
 from engines.scene import Scene
 
 MIB = 1 << 20
@@ -210,7 +211,7 @@ class Surrogate(Wrong):
 
 
 def write_everywhere(data: bytes) -> None:
-    """Writes into every pipe that this process has open."""
+    """Writes into every pipe and socket that this process has open."""
     for handle in range(3, 64):
         try:
             written = 0
@@ -237,7 +238,7 @@ class Flooder(Wrong):
     name = "flooder"
 
     def spoil(self, film: Film) -> Film:
-        write_everywhere(b"x" * (17 * MIB))
+        write_everywhere(framed(b"x" * (17 * MIB)))
         time.sleep(600)
         return film
 
@@ -248,7 +249,7 @@ class Liar(Wrong):
     name = "liar"
 
     def spoil(self, film: Film) -> Film:
-        write_everywhere(b'{"did": "point", "spp": -3, "seconds": NaN}\n')
+        write_everywhere(framed(b'{"type": "point", "spp": -3, "seconds": NaN}'))
         time.sleep(600)
         return film
 
@@ -259,7 +260,7 @@ class Forger(Wrong):
     name = "forger"
 
     def spoil(self, film: Film) -> Film:
-        write_everywhere(b'{"did": "unwritten", "message": "the disk\\nis full"}\n')
+        write_everywhere(framed(b'{"type": "unwritten", "message": "the disk\\nis full"}'))
         time.sleep(600)
         return film
 

@@ -17,7 +17,7 @@ from engines.conformance import concurrency, rendering
 from engines.conformance.subject import Subject
 from engines.errors import RendererFailed, UnknownName
 from engines.interface import HasTracer
-from engines.isolated.channel import dumped, loaded
+from engines.processes.pickled import dumped, loaded
 from tests.isolated.environments import environment
 from tests.isolated.renderers import FOREIGN, KILLED, REPLACED, SLEEPING
 from tests.needs import needs

@@ -7,7 +7,7 @@ from engines import Settings
 from engines.embree.packet import EmbreeTable
 from engines.registry import engine
 from engines.scene import scene_from
-from harness.verify import oracle
+from harness.trace import oracle
 from harness.verify.scenes import mesh, normalize, scene
 
 N = 100

@@ -1,7 +1,7 @@
 """Mitsuba itself, loaded when a test first uses it: after its marker was asked, and with the LLVM that the engine chooses."""
 
-from engines.mitsuba import library
-from engines.mitsuba.native import LOADING_THREADS
+from engines.peers.mitsuba import library
+from engines.peers.mitsuba.native import LOADING_THREADS
 
 
 class _Mitsuba:

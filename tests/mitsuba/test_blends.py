@@ -5,10 +5,10 @@ import pytest
 
 import engines
 from engines import Settings, Unsupported
-from engines.mitsuba import blends
-from engines.mitsuba.bsdfs import bsdf_node
-from engines.mitsuba.nodes import Placing
-from engines.mitsuba.textures import Textures
+from engines.peers.mitsuba import blends
+from engines.peers.mitsuba.bsdfs import bsdf_node
+from engines.peers.mitsuba.nodes import Placing
+from engines.peers.mitsuba.textures import Textures
 from engines.scene import Blend, Conductor, Dielectric, Diffuse, Mixture, Null
 from harness.config import paths
 from tests.needs import needs
@@ -26,7 +26,7 @@ def gears():
 
 @pytest.fixture(scope="module")
 def mitsuba():
-    from engines.mitsuba.library import LLVM, activate, active
+    from engines.peers.mitsuba.library import LLVM, activate, active
 
     with active(LLVM, 1):
         mi, dr = activate(LLVM, 1)
@@ -59,7 +59,7 @@ def test_every_lobe_keeps_its_colour(mitsuba):
 
 @needs("mitsuba-llvm")
 def test_mitsubas_own_blend_does_not(mitsuba):
-    """Where this fails, Mitsuba has been mended: then `engines.mitsuba.blends` is no longer needed."""
+    """Where this fails, Mitsuba has been mended: then `engines.peers.mitsuba.blends` is no longer needed."""
     weights, specular = sampled(mitsuba, bsdf_node(BRASS, NOTHING))
     share = max(KS) / (max(KD) + max(KS))
     density = (1.0 - share) * 0.8 / np.pi

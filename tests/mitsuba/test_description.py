@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from engines.mitsuba.bsdfs import bsdf_node, material_lacks
-from engines.mitsuba.cameras import sensor
-from engines.mitsuba.description import scene_lacks
-from engines.mitsuba.lights import light_node
-from engines.mitsuba.nodes import Placing
-from engines.mitsuba.shapes import parts
-from engines.mitsuba.stage import _with_transforms
-from engines.mitsuba.textures import LUMINANCE, Textures
+from engines.peers.mitsuba.bsdfs import bsdf_node, material_lacks
+from engines.peers.mitsuba.cameras import sensor
+from engines.peers.mitsuba.description import scene_lacks
+from engines.peers.mitsuba.lights import light_node
+from engines.peers.mitsuba.nodes import Placing
+from engines.peers.mitsuba.shapes import parts
+from engines.peers.mitsuba.stage import _with_transforms
+from engines.peers.mitsuba.textures import LUMINANCE, Textures
 from engines.scene import (
     Blend,
     Bump,

@@ -9,10 +9,10 @@ import pytest
 
 import engines
 from engines import Settings, UnknownName
-from engines.mitsuba import Engine, library
-from engines.mitsuba.patterns import ROUNDED
-from engines.mitsuba.seeds import seed_of
 from engines.packages import install_extra
+from engines.peers.mitsuba import Engine, library
+from engines.peers.mitsuba.patterns import ROUNDED
+from engines.peers.mitsuba.seeds import seed_of
 from tests.needs import needs
 from tests.plain_scene import plain_scene
 
@@ -91,7 +91,7 @@ def test_a_pattern_ends_and_another_begins_wherever_calls_are_split(sampler, lan
     """Also where a launch takes some pixels only, or some samples."""
     films = []
     for split in ((25,), (1, 3, 21)):
-        monkeypatch.setattr("engines.mitsuba.wavefront.MOST_LANES", lanes)
+        monkeypatch.setattr("engines.peers.mitsuba.wavefront.MOST_LANES", lanes)
         renderer = Engine().prepare(plain_scene(), Settings(6, 5, sampler=sampler, seed=3))
         for spp in split:
             renderer.render(spp)
@@ -145,7 +145,7 @@ def test_a_chosen_pattern_is_repeated_and_the_largest_too():
 
 @compiled
 def test_a_pattern_that_stop_ends_is_dropped_whole(monkeypatch):
-    monkeypatch.setattr("engines.mitsuba.wavefront.MOST_LANES", 64)
+    monkeypatch.setattr("engines.peers.mitsuba.wavefront.MOST_LANES", 64)
     renderer = Engine().prepare(plain_scene(), Settings(6, 5, sampler={"name": "multijitter", "sample_count": 16}))
     renderer.render(16)
     sums, passes = renderer.film.sums.copy(), renderer._passes
@@ -166,7 +166,7 @@ def test_a_pattern_that_stop_ends_is_dropped_whole(monkeypatch):
 def test_every_sample_of_every_pixel_has_a_stream_of_its_own():
     import drjit as dr
 
-    from engines.mitsuba.streams import stream_sampler
+    from engines.peers.mitsuba.streams import stream_sampler
 
     mi, _ = library.activate(library.LLVM, 2)
     lane = dr.arange(mi.UInt32, 1 << 16)

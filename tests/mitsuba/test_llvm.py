@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from engines.errors import Unsupported
-from engines.mitsuba import llvm
 from engines.packages import install_extra
+from engines.peers.mitsuba import llvm
 from tests.needs import needs
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -103,7 +103,7 @@ def test_the_extra_asks_for_the_wheel_where_there_is_one():
 
 LOADED = """
 import os, engines
-from engines.mitsuba import library, llvm
+from engines.peers.mitsuba import library, llvm
 scene = engines.scene_from({
     "raybench_scene": 1, "camera": {"type": "perspective", "eye": [0, 0, 5], "target": [0, 0, 0]},
     "materials": {"grey": {"kd": 1}}, "lights": [{"environment": {"radiance": 1}}],

@@ -7,8 +7,8 @@ import pytest
 
 import engines
 from engines import Settings
-from engines.export import export
-from engines.mitsuba.nodes import facing
+from engines.peers.export import export
+from engines.scene.frames import facing
 from engines.scene.metals import METALS
 from tests.mitsuba.peer import mi
 from tests.needs import marks_of, needs

@@ -9,8 +9,8 @@ import pytest
 import engines
 from engines import SceneError, Settings
 from engines.image import read_provenance
-from engines.mitsuba import ScalarEngine
-from engines.mitsuba.seeds import seed_of
+from engines.peers.mitsuba import ScalarEngine
+from engines.peers.mitsuba.seeds import seed_of
 from harness.analysis import analyse
 from harness.analysis.model import ranked_together
 from harness.store.results import load_results

@@ -6,13 +6,13 @@ Mitsuba computes in float32; its `wi` is our `wo`, and its values have the cosin
 import numpy as np
 import pytest
 
-from engines.mitsuba.bsdfs import bsdf_node
-from engines.mitsuba.nodes import Placing
-from engines.mitsuba.stage import _with_transforms
-from engines.mitsuba.textures import Textures
 from engines.numpy_reference.interaction import SurfaceInteraction
 from engines.numpy_reference.materials import Materials
 from engines.numpy_reference.vectors import dot
+from engines.peers.mitsuba.bsdfs import bsdf_node
+from engines.peers.mitsuba.nodes import Placing
+from engines.peers.mitsuba.stage import _with_transforms
+from engines.peers.mitsuba.textures import Textures
 from engines.scene import Blend, Bump, Conductor, Dielectric, ImageTexture, Material, Mixture, NormalMap
 from tests.mitsuba.peer import mi
 from tests.needs import needs

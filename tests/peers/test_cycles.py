@@ -10,6 +10,7 @@ import pytest
 import engines
 from engines import Settings, Unsupported
 from engines.conformance import check_engine
+from engines.peers.adapters.tessellation import disk_mesh, squares
 from engines.peers.cycles import Engine, geometry
 from engines.peers.cycles.nodes import _tall, looked_up
 from engines.scene import Disk, EnvironmentLight, Plane
@@ -43,7 +44,8 @@ def normals(vertices, faces):
 
 
 def test_a_disk_of_triangles_has_the_area_and_the_front_of_the_disk():
-    found = normals(*geometry.fan(Disk((1.0, 2.0, 3.0), (0.6, 0.0, -0.8), 2.0, 0)))
+    made = disk_mesh(Disk((1.0, 2.0, 3.0), (0.6, 0.0, -0.8), 2.0, 0), geometry.DISK_EDGES, same_area=True)
+    found = normals(made.vertices, made.faces)
     np.testing.assert_allclose(found.sum(axis=0) / 2, 4 * np.pi * np.array([0.6, 0.0, -0.8]), atol=1e-12)
 
 
@@ -56,7 +58,7 @@ def test_a_sphere_of_triangles_has_the_area_of_the_sphere_and_faces_outwards():
 
 def test_rings_of_a_plane_cover_it_and_have_its_front():
     plane = Plane((0.0, 1.0, 0.0), (0.0, 0.6, 0.8), 0)
-    found = normals(*geometry.rings(plane, 2.0))
+    found = normals(*squares(plane, 2.0 * geometry.GROWTH ** np.arange(geometry.RINGS)))
     half = 2.0 * geometry.GROWTH ** (geometry.RINGS - 1)
     np.testing.assert_allclose(found.sum(axis=0) / 2, (2 * half) ** 2 * np.array(plane.normal), rtol=1e-9, atol=1.0)
     assert (found @ plane.normal > 0).all()
@@ -122,7 +124,7 @@ def test_what_has_no_exact_counterpart_is_declined(held, shader, words):
 
 
 def test_what_is_not_installed_is_named(monkeypatch):
-    monkeypatch.setattr("engines.adapters.engine.util.find_spec", lambda name: None)
+    monkeypatch.setattr("engines.peers.adapters.engine.util.find_spec", lambda name: None)
     monkeypatch.delitem(sys.modules, "bpy", raising=False)
     assert "docs/guides/cycles.md" in str(Engine().why_not(scene(), SETTINGS))
 

@@ -47,7 +47,7 @@ def test_nothing_of_luxcore_is_imported_before_it_is_used():
 
 
 def test_what_is_not_installed_is_named(monkeypatch):
-    monkeypatch.setattr("engines.adapters.engine.util.find_spec", lambda name: None)
+    monkeypatch.setattr("engines.peers.adapters.engine.util.find_spec", lambda name: None)
     monkeypatch.delitem(sys.modules, "pyluxcore", raising=False)
     assert install_extra("luxcore") in str(Engine().why_not(plain_scene(), SETTINGS))
 

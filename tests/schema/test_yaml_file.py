@@ -8,7 +8,7 @@ import time
 import pytest
 
 from engines.errors import ConfigError, SceneError
-from engines.schema import yaml_file
+from engines.schema import strict_yaml, yaml_file
 from engines.schema.yaml_file import locate, parse_yaml, read_yaml
 
 
@@ -102,7 +102,7 @@ def _bomb(link):
         ("a: [1, 2", "not YAML"),
         ("a: \0", "not text"),
         ("a: \ud800", "not text"),
-        ("a: {<<: 3}", "a merge wants a mapping"),
+        ("a: {<<: 3}", "<<: expected a mapping"),
         ("", "empty"),
         ("# nothing\n", "empty"),
     ],
@@ -116,7 +116,7 @@ def test_hostile_text_is_refused_at_once(text, message):
 
 
 def test_a_document_of_too_many_values_is_refused(monkeypatch):
-    monkeypatch.setattr(yaml_file, "MAX_NODES", 100)
+    monkeypatch.setattr(strict_yaml, "MAX_NODES", 100)
     with pytest.raises(SceneError, match="more than 100 values"):
         parse_yaml("[" + "1, " * 101 + "]")
 

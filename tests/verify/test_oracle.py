@@ -6,7 +6,8 @@ import mpmath
 import numpy as np
 import pytest
 
-from harness.verify import closed_forms, oracle
+from harness.trace import oracle
+from harness.verify import closed_forms
 from harness.verify.checks.glass import fresnel
 from harness.verify.checks.sampling import slope_of
 

@@ -1,18 +1,18 @@
 """The suite in worker processes: same results, same order; a crash is a failure; no process is left behind."""
 
 import json
-import multiprocessing
 
+import psutil
 import pytest
 from typer.testing import CliRunner
 
 import engines
 from engines.errors import ConfigError, UnknownName
+from harness.check_results import FAIL
 from harness.cli import app
 from harness.verify import CASES, run_suite
 from harness.verify.commands import verify as command
 from harness.verify.parallel import describe_engines, make_jobs, run_jobs
-from harness.verify.suite import FAIL
 
 CHOSEN = [case for case in CASES if case.id in ("S4", "S6", "S10", "T6", "R4")]
 
@@ -38,10 +38,12 @@ def test_a_process_that_dies_is_a_failure_and_the_other_checks_are_run():
 
 
 def test_closing_the_iterator_ends_the_processes():
+    before = set(psutil.Process().children())
     finished = run_jobs(make_jobs(describe_engines(["numpy"]), True, CHOSEN), 2)
     next(finished)
+    assert len(set(psutil.Process().children()) - before) == 2
     finished.close()
-    assert not multiprocessing.active_children()
+    assert set(psutil.Process().children()) == before
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,9 @@ import warnings
 import pytest
 
 import engines
+from harness.check_results import FAIL, PASS
 from harness.verify.subject import Subject
-from harness.verify.suite import CASES, FAIL, PASS, run_case
+from harness.verify.suite import CASES, run_case
 from tests.verify.mutated import FAULTS, mutated
 
 BY_ID = {case.id: case for case in CASES}

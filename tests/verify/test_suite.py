@@ -10,12 +10,13 @@ from typer.testing import CliRunner
 
 import engines
 from engines.errors import ConfigError
+from harness.check_results import FAIL, PASS, SKIP, XFAIL
 from harness.cli import app
 from harness.verify import CASES, read_results, run_suite
 from harness.verify.case import Section, measurement
 from harness.verify.results_file import document
 from harness.verify.subject import Subject
-from harness.verify.suite import FAIL, PASS, SKIP, XFAIL, run_case
+from harness.verify.suite import run_case
 from harness.verify.tolerances import TOLERANCES
 
 FAST = [case for case in CASES if case.id in ("S1", "S4", "T1", "T6", "T14", "R1", "R3", "D3", "sky")]

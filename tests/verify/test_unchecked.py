@@ -10,12 +10,12 @@ import pytest
 from failing_engines import Flat, Narrow, Own, Unwilling
 
 import engines
+from harness.check_results import PASS, SKIP
 from harness.config import VerifyConfig
 from harness.plan import verify_jobs
 from harness.verify import CASES, run_suite
 from harness.verify.scenes import UNIT_TRIANGLE
 from harness.verify.subject import Skipped, Subject, precisions
-from harness.verify.suite import PASS, SKIP
 from tests import forked
 
 HERE = Path(__file__).resolve().parent

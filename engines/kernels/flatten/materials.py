@@ -23,7 +23,6 @@ from engines.scene import (
     Dielectric,
     Diffuse,
     ImageTexture,
-    Material,
     Mixture,
     Null,
     Number,
@@ -31,6 +30,7 @@ from engines.scene import (
     Principled,
     ThinDielectric,
 )
+from engines.scene.bsdf_tree import anisotropic
 from engines.scene.support import option_numbers
 
 (
@@ -82,11 +82,6 @@ def _is_constant(value: Color | Number, wanted: float) -> bool:
     return all(isinstance(x, int | float) and x == wanted for x in values)
 
 
-def _anisotropic(alpha: tuple[Number, Number]) -> bool:
-    along, across = alpha
-    return along is not across and along != across
-
-
 def _roughnesses(alpha: tuple[Number, Number]) -> list[Parameter]:
     return [number_parameter(a, SMOOTHEST, 1.0) for a in alpha]
 
@@ -125,7 +120,7 @@ def _conductor_parameters(leaf: Conductor) -> list[Parameter]:
 
 
 def _conductor_features(leaf: Conductor) -> dict[str, bool]:
-    return {"specular_reflection": _is_constant(leaf.alpha, 0), "tangents": _anisotropic(leaf.alpha)}
+    return {"specular_reflection": _is_constant(leaf.alpha, 0), "tangents": anisotropic(leaf)}
 
 
 def _dielectric_parameters(leaf: Dielectric | ThinDielectric) -> list[Parameter]:
@@ -138,7 +133,7 @@ def _smooth_dielectric_features(leaf: Dielectric | ThinDielectric) -> dict[str, 
 
 
 def _rough_dielectric_features(leaf: Dielectric) -> dict[str, bool]:
-    return {"lobes": True, "transmission": True, "tangents": _anisotropic(leaf.alpha)}
+    return {"lobes": True, "transmission": True, "tangents": anisotropic(leaf)}
 
 
 # ---- plastic -----------------------------------------------------------------------------------------------------------
@@ -190,7 +185,7 @@ def _principled_features(leaf: Principled) -> dict[str, bool]:
         "transmission": transmits,
         "spec_trans": transmits,
         "clearcoat": not _is_constant(leaf.clearcoat, 0),
-        "tangents": not _is_constant(leaf.anisotropic, 0),
+        "tangents": anisotropic(leaf),
     }
 
 
@@ -302,13 +297,6 @@ KINDS: dict[type, Callable[[Any], int]] = {
 def transmittance_of(kind: int) -> Any:
     """The lane function of a model whose transmission is a null lobe, None of the others."""
     return MODELS[kind].lane(SceneFeatures()).transmittance
-
-
-def leaf_of(material: Material) -> Any:
-    """A material's BSDF; the `Mixture` of its lobes where it has none."""
-    if material.bsdf is not None:
-        return material.bsdf
-    return Mixture(material.kd, material.ks, material.kt, material.ior, material.fresnel)
 
 
 def model_of(leaf: Any) -> int:

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from engines.kernels.flatten import palettes
 from engines.kernels.flatten.lookups import Lookup, Table
-from engines.kernels.flatten.materials import leaf_features, leaf_of, model_of, parameters_of, transmittance_of
+from engines.kernels.flatten.materials import leaf_features, model_of, parameters_of, transmittance_of
 from engines.kernels.layout import LeafRow, LookupRow, MaterialRow, NodeRow, TextureRow
 from engines.scene import Blend, Bump, Checkerboard, ImageTexture, Mask, Material, Mixture, NormalMap, Sides, Texture, Triple
-from engines.scene.support import leaves, transmits
+from engines.scene.bsdf_tree import leaves, transmits
 
 LEAF, SIDES, MASK, BLEND, BUMP, NORMAL_MAP = range(6)
 """Those from BUMP on tilt the shading normal."""
@@ -60,7 +60,7 @@ def parts(wrapper: Any) -> Parts:
 
 def leaves_in(material: Material) -> list[Any]:
     """Where the wrappers of a material lead; its BSDF itself, where that is none."""
-    return [leaf or _BLACK for leaf in leaves(leaf_of(material))]
+    return [leaf or _BLACK for leaf in leaves(material.as_bsdf)]
 
 
 def plain_emission(material: Material) -> Triple:
@@ -94,7 +94,7 @@ class Programs:
         self.first = np.full(max(len(materials), 1), NONE, np.int32)
         for index in self.used:
             if self._wanted(index):
-                self.first[index] = self._node(leaf_of(materials[index]))
+                self.first[index] = self._node(materials[index].as_bsdf)
         self._looks_up = len(self.textures) > 0
         self.emission_textures = np.full(len(self.first), NONE, np.int32)
         for index in self.used:
@@ -103,7 +103,7 @@ class Programs:
 
     def _wanted(self, index: int) -> bool:
         """Whether a material has a program: it has wrappers or textures, or is anisotropic along texture coordinates."""
-        leaf = leaf_of(self.materials[index])
+        leaf = self.materials[index].as_bsdf
         if type(leaf) in WRAPPERS or _is_textured(leaf):
             return True
         return index in self.on_uvs and leaf_features([leaf]).get("tangents", False)

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.adapters import CameraFrame, FlatMesh, camera_frame
 from engines.interface import Settings
+from engines.peers.adapters import CameraFrame, FlatMesh, camera_frame
 from engines.peers.cycles.geometry import SphereGroup, meshes_of, points_of
 from engines.peers.cycles.nodes import Nodes, placed
 from engines.scene import (

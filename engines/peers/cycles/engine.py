@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from engines.adapters import MEANS_ALONE, AdapterEngine, version_with
 from engines.interface import Settings
+from engines.peers.adapters import MEANS_ALONE, AdapterEngine, version_with
 from engines.peers.cycles.geometry import spheres_lack
 from engines.peers.cycles.nodes import placed, texels
 from engines.peers.cycles.renderer import Renderer
@@ -39,7 +39,7 @@ from engines.scene import (
     ThinLens,
     Triangle,
 )
-from engines.scene.support import has_null_lobes, members, model_of
+from engines.scene.bsdf_tree import has_null_lobes, members
 
 ROUGHEST = 0.1
 """Cycles' microfacets shadow and mask each other in correlation, raybench's apart: to this roughness they reflect the same
@@ -97,10 +97,10 @@ class Engine(AdapterEngine):
         if min(settings.size(scene)) < LEAST_SIDE:
             return f"Blender renders no images of less than {LEAST_SIDE} pixels a side"
         for material in scene.materials:
-            found = next(filter(None, map(bsdf_lacks, members(model_of(material)))), None)
+            found = next(filter(None, map(bsdf_lacks, members(material.as_bsdf))), None)
             if found is None and any(not ((t >= 0.0) & (t <= 1.0)).all() for t in map(texels, placed(material))):
                 found = "textures that leave the range in which raybench holds them"
-            if found is None and has_null_lobes(material) and settings.shader.options["max_depth"] < DEEP:
+            if found is None and has_null_lobes(material.as_bsdf) and settings.shader.options["max_depth"] < DEEP:
                 found = f"surfaces that rays pass, which are no segments there, unless max_depth is {DEEP} or more"
             if found is not None:
                 return f"material {material.name!r}: Cycles has no exact counterpart of {found}"

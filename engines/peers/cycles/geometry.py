@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.adapters import FlatMesh, extent, flat_meshes, tangents
-from engines.scene import Disk, Plane, Scene, Sphere, SphereSet
-from engines.scene.bsdf import is_opaque
+from engines.peers.adapters import FlatMesh, extent, flat_meshes, sphere_mesh
+from engines.peers.adapters.tessellation import disk_mesh, squares
+from engines.scene import Disk, Plane, Scene
+from engines.scene.bsdf_tree import is_opaque
 from engines.scene.geometry import face_normals
-from engines.scene.procedural.solids import tessellated_sphere
-from engines.scene.support import model_of
+from engines.scene.shapes import as_spheres
 
 Array = NDArray[np.float64]
 RINGS, GROWTH = 10, 4.0
@@ -39,9 +39,10 @@ def meshes_of(scene: Scene) -> Iterator[FlatMesh]:
     size = extent(scene)
     for index, shape in enumerate(scene.shapes):
         if isinstance(shape, Plane):
-            yield FlatMesh(f"plane_{index}", shape.material, *rings(shape, size))
+            yield FlatMesh(f"plane_{index}", shape.material, *squares(shape, size * GROWTH ** np.arange(RINGS)))
         elif isinstance(shape, Disk):
-            yield FlatMesh(f"disk_{index}", shape.material, *fan(shape))
+            made = disk_mesh(shape, DISK_EDGES, same_area=True)
+            yield FlatMesh(f"disk_{index}", shape.material, made.vertices, made.faces)
     for group in spheres_of(scene):
         if not _are_points(scene, group):
             yield FlatMesh(f"spheres_{group.material}", group.material, *tessellated(group))
@@ -69,10 +70,8 @@ def spheres_of(scene: Scene) -> list[SphereGroup]:
     """All spheres of the scene, by material."""
     found: dict[int, list[tuple[Array, Array]]] = {}
     for shape in scene.shapes:
-        if isinstance(shape, Sphere):
-            found.setdefault(shape.material, []).append((np.array([shape.center]), np.array([shape.radius])))
-        elif isinstance(shape, SphereSet):
-            found.setdefault(shape.material, []).append((shape.centers, shape.radii))
+        if (spheres := as_spheres(shape)) is not None:
+            found.setdefault(spheres.material, []).append((spheres.centers, spheres.radii))
     return [SphereGroup(material, *map(np.concatenate, zip(*parts, strict=True))) for material, parts in sorted(found.items())]
 
 
@@ -94,37 +93,15 @@ def _are_points(scene: Scene, group: SphereGroup) -> bool:
     """Whether nobody can see the difference: rays leave a point unhindered, its light is not sampled."""
     material, eye = scene.materials[group.material], getattr(scene.camera, "eye", None)
     inside = eye is not None and bool((np.linalg.norm(group.centers - eye, axis=1) <= group.radii).any())
-    return not inside and not material.emits and is_opaque(model_of(material))
+    return not inside and not material.emits and is_opaque(material.as_bsdf)
 
 
 def tessellated(group: SphereGroup) -> tuple[Array, NDArray[np.int32], Array]:
     """Vertices, faces and normals of all spheres; each has the area of the sphere that it stands for."""
-    unit = tessellated_sphere(subdivisions(len(group.radii)), (0.0, 0.0, 0.0), 1.0)
-    corners = unit.vertices[unit.faces]
+    unit, faces = sphere_mesh(subdivisions(len(group.radii)))
+    corners = unit[faces]
     area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum()
     swelling = np.sqrt(4.0 * np.pi / area)
-    vertices = group.centers[:, None] + group.radii[:, None, None] * swelling * unit.vertices
-    faces = unit.faces + len(unit.vertices) * np.arange(len(group.radii))[:, None, None]
-    return vertices.reshape(-1, 3), faces.reshape(-1, 3).astype(np.int32), np.tile(unit.vertices, (len(group.radii), 1))
-
-
-def rings(plane: Plane, size: float) -> tuple[Array, NDArray[np.int32]]:
-    """Vertices and faces of a square of half side `size` about a plane's point, and of rings around it."""
-    square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * (size * GROWTH ** np.arange(RINGS))[:, None, None]
-    s, t = tangents(np.array(plane.normal))
-    vertices = plane.point + square.reshape(-1, 2) @ np.stack([s, t])
-    inner = 4 * np.arange(RINGS - 1)[:, None] + np.arange(4)
-    following = 4 * np.arange(RINGS - 1)[:, None] + np.roll(np.arange(4), -1)
-    sides = [[inner, inner + 4, following + 4], [inner, following + 4, following]]
-    around = np.concatenate([np.stack(side, axis=-1).reshape(-1, 3) for side in sides])
-    return vertices, np.concatenate([[[0, 1, 2], [0, 2, 3]], around]).astype(np.int32)
-
-
-def fan(disk: Disk) -> tuple[Array, NDArray[np.int32]]:
-    """Vertices and faces of a polygon with the area of a disk."""
-    step = 2.0 * np.pi / DISK_EDGES
-    angles = step * np.arange(DISK_EDGES)
-    rim = disk.radius * np.sqrt(step / np.sin(step)) * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    order = np.arange(DISK_EDGES)
-    faces = np.stack([np.full(DISK_EDGES, DISK_EDGES), order, np.roll(order, -1)], axis=1)
-    return np.vstack([disk.center + rim @ np.stack(tangents(np.array(disk.normal))), [disk.center]]), faces.astype(np.int32)
+    vertices = group.centers[:, None] + group.radii[:, None, None] * swelling * unit
+    faces = faces + len(unit) * np.arange(len(group.radii))[:, None, None]
+    return vertices.reshape(-1, 3), faces.reshape(-1, 3).astype(np.int32), np.tile(unit, (len(group.radii), 1))

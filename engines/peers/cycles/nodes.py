@@ -30,8 +30,7 @@ from engines.scene import (
     Texture,
     ThinDielectric,
 )
-from engines.scene.bsdf import textures
-from engines.scene.support import model_of
+from engines.scene.bsdf_tree import textures
 
 EXTENSIONS = {"repeat": "REPEAT", "mirror": "MIRROR", "clamp": "EXTEND"}
 LEAST_ROWS = 256
@@ -165,7 +164,7 @@ class Nodes:
         if material.emits:
             front = 1.0 if material.two_sided else self.out("Math", [1.0, self._backfacing()], operation="SUBTRACT")
             light = self.out("Emission", [(*material.mean_emission, 1.0), front])
-        self.node("OutputMaterial", [self.added(self.bsdf(model_of(material)) if scatters else None, light)])
+        self.node("OutputMaterial", [self.added(self.bsdf(material.as_bsdf) if scatters else None, light)])
 
     def world(self, light: EnvironmentLight) -> None:
         if light.image is None:  # varies by less than rounding, or Cycles does not sample it as a light
@@ -227,7 +226,7 @@ def texels(texture: Texture) -> Any:
 
 def placed(material: Material) -> tuple[Texture, ...]:
     """The textures of a material, which have attributes of their own."""
-    return tuple(textures(model_of(material)))
+    return tuple(textures(material.as_bsdf))
 
 
 def image_of(pixels: Any, upright: bool = False) -> Any:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from engines.adapters import ImageRenderer
 from engines.film import Image
 from engines.interface import Settings
+from engines.peers.adapters import ImageRenderer
 from engines.peers.cycles.blender import MOST_SAMPLES, BlenderScene
 from engines.scene import Scene
 

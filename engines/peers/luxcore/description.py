@@ -12,8 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.adapters import camera_frame, extent, flat_meshes, sphere_mesh, tangents
 from engines.interface import Settings
+from engines.peers.adapters import camera_frame, extent, flat_meshes, sphere_mesh
+from engines.peers.adapters.tessellation import cylinder_mesh, disk_mesh, squares
 from engines.peers.luxcore.materials import Properties, material_properties, texture_of
 from engines.scene import (
     Cylinder,
@@ -21,17 +22,14 @@ from engines.scene import (
     Disk,
     EnvironmentLight,
     Light,
-    Mesh,
     Perspective,
     Plane,
     PointLight,
     Scene,
-    Sphere,
-    SphereSet,
     ThinLens,
-    Triangle,
 )
 from engines.scene.geometry import has_area
+from engines.scene.shapes import as_mesh, as_spheres
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.integer]
@@ -71,10 +69,8 @@ def shapes(scene: Scene) -> Iterator[Shape]:
     unit_sphere = None
     for index, shape in enumerate(scene.shapes):
         name = f"shape_{index}"
-        if isinstance(shape, (Sphere, SphereSet)):
-            one = isinstance(shape, Sphere)
-            centers, radii = ([shape.center], [shape.radius]) if one else (shape.centers, shape.radii)
-            for part, (center, radius) in enumerate(zip(centers, radii, strict=True)):
+        if (spheres := as_spheres(shape)) is not None:
+            for part, (center, radius) in enumerate(zip(spheres.centers, spheres.radii, strict=True)):
                 given = () if unit_sphere else sphere_mesh(SUBDIVISIONS)
                 unit_sphere = "unit_sphere"
                 placed = np.diag([radius, radius, radius, 1.0])
@@ -87,26 +83,10 @@ def shapes(scene: Scene) -> Iterator[Shape]:
 
 def _flat_or_round(shape: Plane | Disk | Cylinder, size: float) -> tuple[Array, Indices, Array | None]:
     """Vertices, faces and normals."""
-    turn = 2.0 * np.pi * np.arange(SEGMENTS) / SEGMENTS
-    first = np.arange(SEGMENTS)
-    second = (first + 1) % SEGMENTS
-    if isinstance(shape, Cylinder):
-        axis = np.subtract(shape.p1, shape.p0)
-        u, v = tangents(axis / np.linalg.norm(axis))
-        around = np.cos(turn)[:, None] * u + np.sin(turn)[:, None] * v
-        ring = shape.radius * around
-        faces = np.concatenate(
-            [np.stack([first, second, second + SEGMENTS], 1), np.stack([first, second + SEGMENTS, first + SEGMENTS], 1)]
-        )
-        return np.concatenate([shape.p0 + ring, shape.p1 + ring]), faces, np.concatenate([around, around])
-    u, v = tangents(np.array(shape.normal))
     if isinstance(shape, Plane):
-        half = PLANE_EXTENTS * size
-        corners = np.array([shape.point + half * (a * u + b * v) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
-        return corners, np.array([[0, 1, 2], [0, 2, 3]]), None
-    rim = shape.center + shape.radius * (np.cos(turn)[:, None] * u + np.sin(turn)[:, None] * v)
-    faces = np.stack([np.full(SEGMENTS, SEGMENTS), first, second], 1)
-    return np.concatenate([rim, [shape.center]]), faces, None
+        return *squares(shape, PLANE_EXTENTS * size), None
+    made = cylinder_mesh(shape, SEGMENTS) if isinstance(shape, Cylinder) else disk_mesh(shape, SEGMENTS)
+    return made.vertices, made.faces, made.normals
 
 
 def images(scene: Scene) -> Iterator[tuple[str, NDArray[np.float32]]]:
@@ -138,12 +118,10 @@ def importances(scene: Scene) -> Array:
     emits, two_sided = (np.array([getattr(m, key) for m in scene.materials], bool) for key in ("emits", "two_sided"))
     lights, triangles = np.zeros((2, len(emits)))
     for shape in scene.shapes:
-        if isinstance(shape, Mesh):
-            faces = np.bincount(shape.materials[has_area(shape.vertices, shape.faces)], minlength=len(emits)) * emits
-        elif isinstance(shape, Triangle):
-            faces = np.eye(len(emits))[shape.material] * emits
-        else:
+        mesh = as_mesh(shape)
+        if mesh is None:
             continue
+        faces = np.bincount(mesh.materials[has_area(mesh.vertices, mesh.faces)], minlength=len(emits)) * emits
         lights += faces / max(faces.sum(), 1)
         triangles += faces * (1 + two_sided)
     return np.divide(lights, triangles, out=np.ones(len(emits)), where=triangles > 0)

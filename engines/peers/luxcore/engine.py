@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from engines.adapters import MEANS_ALONE, AdapterEngine, version_with
 from engines.interface import Settings
 from engines.packages import install_extra
+from engines.peers.adapters import MEANS_ALONE, AdapterEngine, version_with
 from engines.peers.luxcore.materials import material_lacks, texture_of
 from engines.peers.luxcore.renderer import Renderer
 from engines.scene import (

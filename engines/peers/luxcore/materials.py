@@ -5,20 +5,19 @@ from __future__ import annotations
 from typing import Any
 
 from engines.scene import BLACK, Bsdf, Conductor, Dielectric, Diffuse, ImageTexture, Material, Mixture
-from engines.scene.bsdf import textures
-from engines.scene.support import model_of
+from engines.scene.bsdf_tree import textures
 
 Properties = dict[str, Any]
 
 
 def texture_of(material: Material) -> ImageTexture | None:
     """The image on a diffuse material, or None."""
-    found = next(textures(model_of(material)), None)
+    found = next(textures(material.as_bsdf), None)
     return found if isinstance(found, ImageTexture) else None
 
 
 def _texture_lacks(material: Material, texture: ImageTexture) -> str | None:
-    bsdf = model_of(material)
+    bsdf = material.as_bsdf
     alone = isinstance(bsdf, Diffuse) or (isinstance(bsdf, Mixture) and (bsdf.ks, bsdf.kt) == (BLACK, BLACK))
     if not alone:
         return "textures on anything but a diffuse BSDF"
@@ -29,7 +28,7 @@ def _texture_lacks(material: Material, texture: ImageTexture) -> str | None:
 
 def material_lacks(material: Material) -> str | None:
     """What of a material LuxCore has no exact counterpart of, or None. Kinds of BSDFs and textures have been looked at."""
-    bsdf, texture = model_of(material), texture_of(material)
+    bsdf, texture = material.as_bsdf, texture_of(material)
     if texture is not None:
         return _texture_lacks(material, texture)
     if isinstance(bsdf, Conductor):
@@ -51,7 +50,7 @@ def material_lacks(material: Material) -> str | None:
 
 def material_properties(name: str, material: Material, importance: float) -> Properties:
     """The material called `name`, emission included, and before it what it is made of; `importance` of an emitting triangle."""
-    bsdf = model_of(material)
+    bsdf = material.as_bsdf
     found: Properties = {}
     if texture_of(material) is not None:
         whole: Properties = {"type": "matte", "kd": f"{name}_map"}

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.adapters import ImageRenderer
 from engines.interface import Settings
+from engines.peers.adapters import ImageRenderer
 from engines.peers.luxcore.description import images, properties, shapes
 from engines.peers.luxcore.materials import Properties
 from engines.scene import Scene

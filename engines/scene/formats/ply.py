@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,19 +11,26 @@ UNIT_NORMALS = b"comment raybench: normals are of length 1"
 """A file with this line was written here: its normals are kept to the last bit."""
 
 
-def ply_bytes(
-    vertices: NDArray[np.float64],
-    faces: NDArray[np.int32],
-    normals: NDArray[np.float64] | None,
-    uvs: NDArray[np.float64] | None,
-    face_materials: NDArray[np.int32] | None,
-) -> bytes:
-    """A PLY file of triangles: float64 coordinates, normals and texture coordinates u, v; of each face its vertices and, where
-    given, its material."""
+def write_ply(
+    path: Path,
+    vertices: NDArray[np.floating],
+    faces: NDArray[np.integer],
+    normals: NDArray[np.floating] | None = None,
+    uvs: NDArray[np.floating] | None = None,
+    face_materials: NDArray[np.int32] | None = None,
+    exact: bool = False,
+) -> None:
+    """Writes a file of triangles: `vertices` (n, 3), `normals` (n, 3) and texture coordinates (n, 2), of each of the `faces`
+    (m, 3) its vertices and, where given, its material.
+
+    Numbers are float32, the precision in which other renderers read them; float64 with `exact`, whose normals raybench then
+    reads to the last bit. Raises `OSError`.
+    """
     columns = [vertices, *([] if normals is None else [normals]), *([] if uvs is None else [uvs])]
     names = ["x", "y", "z", *([] if normals is None else ["nx", "ny", "nz"]), *([] if uvs is None else ["u", "v"])]
-    lines = [b"ply", b"format binary_little_endian 1.0", UNIT_NORMALS, f"element vertex {len(vertices)}".encode()]
-    lines += [f"property double {name}".encode() for name in names]
+    kind, real = ("double", "<f8") if exact else ("float", "<f4")
+    lines = [b"ply", b"format binary_little_endian 1.0", *([UNIT_NORMALS] if exact else [])]
+    lines += [f"element vertex {len(vertices)}".encode(), *(f"property {kind} {name}".encode() for name in names)]
     lines += [f"element face {len(faces)}".encode(), b"property list uchar int vertex_indices"]
     row = [("count", "u1"), ("corners", "<i4", 3)]
     if face_materials is not None:
@@ -31,5 +40,7 @@ def ply_bytes(
     table["count"], table["corners"] = 3, faces
     if face_materials is not None:
         table["material"] = face_materials
-    head = b"\n".join([*lines, b"end_header", b""])
-    return head + np.concatenate(columns, axis=1).astype("<f8").tobytes() + table.tobytes()
+    with path.open("wb") as file:
+        file.write(b"\n".join([*lines, b"end_header", b""]))
+        file.write(np.concatenate(columns, axis=1).astype(real).tobytes())
+        file.write(table.tobytes())

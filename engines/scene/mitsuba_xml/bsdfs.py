@@ -4,36 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from engines.errors import suggestion
 from engines.scene.bsdf import MAX_PARTS, Blend, Bsdf, Bump, Mask, NormalMap, Sides
+from engines.scene.bsdf_tree import transmits
+from engines.scene.leaf_fields import ACRYLIC, BK7, LEAF_PLUGINS, Kind, LeafField
 from engines.scene.metals import METALS
 from engines.scene.mitsuba_xml.colors import INDEX, color
 from engines.scene.mitsuba_xml.context import Importer
 from engines.scene.mitsuba_xml.properties import Plugin
 from engines.scene.mitsuba_xml.textures import color_or_texture, image_texture, number_or_texture
-from engines.scene.models import (
-    INDICES,
-    IORS,
-    LEAST_CONTRAST,
-    PLASTIC_IORS,
-    SMOOTHEST,
-    Conductor,
-    Dielectric,
-    Diffuse,
-    Null,
-    Plastic,
-    Principled,
-    ThinDielectric,
-    principled_eta,
-)
-from engines.scene.support import transmits
+from engines.scene.models import INDICES, IORS, LEAST_CONTRAST, SMOOTHEST, Dielectric, Diffuse, Principled, principled_eta
 from engines.scene.textures import Color, Number
 from engines.scene.triple import BLACK, WHITE, Triple
 
-GREY: Triple = (0.5, 0.5, 0.5)
-BK7, ACRYLIC, AIR = 1.5046, 1.49, 1.000277
+AIR = 1.000277
 INDICES_BY_NAME = {
     "vacuum": 1.0,
     "helium": 1.000036,
@@ -126,7 +112,7 @@ def _index(plugin: Plugin, name: str, default: float) -> float:
     return INDICES_BY_NAME[named]
 
 
-def _ior(plugin: Plugin, inside: float, limits: tuple[float, float] = IORS) -> float:
+def _ior(plugin: Plugin, inside: float, limits: tuple[float, float]) -> float:
     """The index of the inside over that of the outside."""
     found = _index(plugin, "int_ior", inside) / _index(plugin, "ext_ior", AIR)
     if not limits[0] <= found <= limits[1]:
@@ -134,55 +120,58 @@ def _ior(plugin: Plugin, inside: float, limits: tuple[float, float] = IORS) -> f
     return found
 
 
-def _distribution(plugin: Plugin) -> str:
-    found = plugin.text("distribution", default="beckmann")
-    plugin.read.add("sample_visible")
+def _distribution(plugin: Plugin, default: str) -> str:
+    found = plugin.text("distribution", default=default) or default
     if found not in ("beckmann", "ggx"):
         raise plugin.refuse_property("distribution", "must be beckmann or ggx")
     return found
 
 
-def _alpha(importer: Importer, plugin: Plugin) -> tuple[Number, Number]:
+def _alphas(importer: Importer, plugin: Plugin, default: float) -> tuple[Number, Number]:
     """Roughnesses along the two tangents, at least `SMOOTHEST`."""
     along = "alpha_u", "alpha_v"
     if plugin.has(*along) and plugin.has("alpha"):
         raise plugin.refuse("either alpha, or alpha_u and alpha_v")
     u, v = (
-        number_or_texture(importer, plugin, name, "alpha", default=0.1)
+        number_or_texture(importer, plugin, name, "alpha", default=default)
         if plugin.has(name) or not plugin.has("alpha")
-        else number_or_texture(importer, plugin, "alpha", default=0.1)
+        else number_or_texture(importer, plugin, "alpha", default=default)
         for name in along
     )
     return _rough(u), _rough(v)
+
+
+def _alpha(plugin: Plugin, default: float) -> float:
+    """The roughness of a plastic, at least `SMOOTHEST`."""
+    if plugin.find("alpha") is not None:
+        raise plugin.refuse("alpha: the roughness of a plastic is a number, not a texture")
+    return max(SMOOTHEST, plugin.number("alpha", default=default, low=0.0, high=1.0))
 
 
 def _rough(alpha: Number) -> Number:
     return max(SMOOTHEST, alpha) if isinstance(alpha, float) else alpha
 
 
-def _specular(importer: Importer, plugin: Plugin, which: str = "reflectance") -> Color:
-    for name in (f"specular_{which}_sampling_weight", "specular_sampling_weight", "sampling_weight"):
-        plugin.read.add(name)
-    return color_or_texture(importer, plugin, f"specular_{which}", default=WHITE)
+class Indices(NamedTuple):
+    """The complex index of refraction of a metal, relative to the outside."""
+
+    eta: Triple
+    k: Triple
 
 
-# ---- models ----------------------------------------------------------------------------------------------------------
+def _metal(plugin: Plugin) -> Indices:
+    eta, k = _given_metal(plugin)
+    outside = _index(plugin, "ext_eta", 1.0)
+    eta = (eta[0] / outside, eta[1] / outside, eta[2] / outside)
+    k = (k[0] / outside, k[1] / outside, k[2] / outside)
+    for channel, larger in zip(("red", "green", "blue"), map(max, eta, k), strict=True):
+        if not INDICES[0] <= larger <= INDICES[1]:
+            limits = f"[{INDICES[0]:g}, {INDICES[1]:g}]"
+            raise plugin.refuse(f"the larger of eta and k is {larger:g} in {channel}: must lie in {limits}")
+    return Indices(eta, k)
 
 
-def _diffuse(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
-    reflectance = color_or_texture(importer, plugin, "reflectance", "diffuse_reflectance", default=GREY)
-    return opaque(importer, plugin, Diffuse(reflectance), two_sided)
-
-
-def _rough_diffuse(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
-    alpha = number_or_texture(importer, plugin, "alpha", default=0.2, high=1e6)
-    plugin.read.add("use_fast_approx")
-    if alpha != 0.0:
-        importer.notes.add("roughdiffuse is taken as diffuse", plugin.element)
-    return _diffuse(importer, plugin, two_sided)
-
-
-def _metal(plugin: Plugin) -> tuple[Triple, Triple]:
+def _given_metal(plugin: Plugin) -> tuple[Triple, Triple]:
     """eta and k by name or as given; those of a perfect mirror where a new file gives none, of copper where an old one does."""
     name = plugin.text("material")
     if name is not None:
@@ -204,105 +193,62 @@ def _metal(plugin: Plugin) -> tuple[Triple, Triple]:
     return color(eta, INDEX), color(k, INDEX)
 
 
-def _conductor_with(importer: Importer, plugin: Plugin, two_sided: bool, alpha: tuple[Number, Number], kind: str) -> Built:
-    eta, k = _metal(plugin)
-    outside = _index(plugin, "ext_eta", 1.0)
-    eta = (eta[0] / outside, eta[1] / outside, eta[2] / outside)
-    k = (k[0] / outside, k[1] / outside, k[2] / outside)
-    for channel, larger in zip(("red", "green", "blue"), map(max, eta, k), strict=True):
-        if not INDICES[0] <= larger <= INDICES[1]:
-            limits = f"[{INDICES[0]:g}, {INDICES[1]:g}]"
-            raise plugin.refuse(f"the larger of eta and k is {larger:g} in {channel}: must lie in {limits}")
-    model = Conductor(eta, k, alpha, _specular(importer, plugin), kind)
-    return opaque(importer, plugin, model, two_sided)
-
-
-def _conductor(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
-    return _conductor_with(importer, plugin, two_sided, (0.0, 0.0), "ggx")
-
-
-def _rough_conductor(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
-    return _conductor_with(importer, plugin, two_sided, _alpha(importer, plugin), _distribution(plugin))
-
-
-def _glass(
-    importer: Importer, plugin: Plugin, two_sided: bool, alpha: tuple[Number, Number] = (0.0, 0.0), kind: str = "ggx"
-) -> Built:
-    reflectance, transmittance = (_specular(importer, plugin, which) for which in ("reflectance", "transmittance"))
-    ior = _ior(plugin, BK7)
-    if alpha != (0.0, 0.0) and abs(ior - 1.0) < LEAST_CONTRAST:
-        raise plugin.refuse(f"a rough interface wants an index at least {LEAST_CONTRAST:g} away from 1")
-    return Built(Dielectric(ior, alpha, reflectance, transmittance, kind), 1, True)
-
-
-def _rough_glass(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
-    return _glass(importer, plugin, two_sided, _alpha(importer, plugin), _distribution(plugin))
-
-
-def _thin_glass(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
-    reflectance, transmittance = (_specular(importer, plugin, which) for which in ("reflectance", "transmittance"))
-    return Built(ThinDielectric(_ior(plugin, BK7), reflectance, transmittance), 1, True)
-
-
-def _plastic_with(importer: Importer, plugin: Plugin, two_sided: bool, alpha: float, kind: str) -> Built:
-    base = color_or_texture(importer, plugin, "diffuse_reflectance", "reflectance", default=GREY)
-    nonlinear, ior = plugin.boolean("nonlinear", default=False), _ior(plugin, ACRYLIC, PLASTIC_IORS)
-    model = Plastic(base, ior, alpha, nonlinear, _specular(importer, plugin), kind)
-    return opaque(importer, plugin, model, two_sided)
-
-
-def _plastic(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
-    return _plastic_with(importer, plugin, two_sided, 0.0, "ggx")
-
-
-def _rough_plastic(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
-    kind = _distribution(plugin)
-    if plugin.find("alpha") is not None:
-        raise plugin.refuse("alpha: the roughness of a plastic is a number, not a texture")
-    alpha = plugin.number("alpha", default=0.1, low=0.0, high=1.0)
-    return _plastic_with(importer, plugin, two_sided, max(SMOOTHEST, alpha), kind)
-
-
-_SHARES = {
-    "roughness": 0.5,
-    "anisotropic": 0.0,
-    "metallic": 0.0,
-    "spec_tint": 0.0,
-    "sheen": 0.0,
-    "sheen_tint": 0.0,
-    "clearcoat": 0.0,
-    "clearcoat_gloss": 0.0,
-    "flatness": 0.0,
-    "spec_trans": 0.0,
-}
-_RATES = ("diffuse_reflectance", "main_specular", "clearcoat", "spec_trans")
-
-
-def _principled(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
-    plugin.read.update(f"{name}_sampling_rate" for name in _RATES)
-    base = color_or_texture(importer, plugin, "base_color", default=GREY)
-    shares = {name: number_or_texture(importer, plugin, name, default=default) for name, default in _SHARES.items()}
+def _eta(importer: Importer, plugin: Plugin) -> float:
+    """The index of Disney's BSDF: `eta`, or what follows from `specular`."""
     if plugin.has("eta") and plugin.has("specular"):
         raise plugin.refuse("either eta or specular")
     for name in ("eta", "specular"):
         if plugin.find(name) is not None:
             raise plugin.refuse(f"{name}: a number is expected, not a texture")
+    spec_trans = number_or_texture(importer, plugin, "spec_trans", default=0.0)
     if plugin.has("eta"):
         eta = plugin.positive("eta", default=1.5)
     else:
-        eta = principled_eta(plugin.number("specular", default=0.5, low=0.0, high=1.0), shares["spec_trans"])
+        eta = principled_eta(plugin.number("specular", default=0.5, low=0.0, high=1.0), spec_trans)
     if not 1.0 <= eta <= IORS[1]:
         raise plugin.refuse_property("eta", f"must lie in [1, {IORS[1]:g}]")
-    if shares["spec_trans"] != 0.0:
-        eta = max(eta, 1.0 + LEAST_CONTRAST)
-    model = Principled(base, eta=eta, **shares)
-    if shares["spec_trans"] != 0.0:
-        return Built(model, 1, True)
-    return opaque(importer, plugin, model, two_sided)
+    return eta if spec_trans == 0.0 else max(eta, 1.0 + LEAST_CONTRAST)
 
 
-def _null(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
-    return Built(Null(), 1, True)
+# ---- models ----------------------------------------------------------------------------------------------------------
+
+
+def _color(importer: Importer, plugin: Plugin, item: LeafField) -> Color:
+    return color_or_texture(importer, plugin, item.parameter, *item.older, default=item.default)
+
+
+_READERS: dict[Kind, Callable[[Importer, Plugin, LeafField], Any]] = {
+    Kind.COLOR: _color,
+    Kind.NUMBER: lambda importer, plugin, item: number_or_texture(importer, plugin, item.parameter, default=item.default),
+    Kind.FLAG: lambda importer, plugin, item: plugin.boolean(item.parameter, default=item.default),
+    Kind.SPECTRUM: lambda importer, plugin, item: getattr(_metal(plugin), item.name),
+    Kind.IOR: lambda importer, plugin, item: _ior(plugin, item.default, item.limits),
+    Kind.ETA: lambda importer, plugin, item: _eta(importer, plugin),
+    Kind.ROUGHNESS: lambda importer, plugin, item: _alpha(plugin, item.default),
+    Kind.ROUGHNESSES: lambda importer, plugin, item: _alphas(importer, plugin, item.default),
+    Kind.DISTRIBUTION: lambda importer, plugin, item: _distribution(plugin, item.default),
+}
+"""How a plugin's parameters become the value of a field of ours."""
+
+
+def _leaf(importer: Importer, plugin: Plugin, two_sided: bool, of: str = "") -> Built:
+    """The model of a plugin, or of the plugin that it is taken `of`."""
+    name = of or plugin.type
+    kind, described = next((kind, each) for kind, each in LEAF_PLUGINS.items() if name in (each.plugin, each.rough))
+    items = described.fields_of(name)
+    plugin.read.update(harmless for item in items for harmless in item.harmless)
+    model = kind(**{item.name: _READERS[item.kind](importer, plugin, item) for item in items})
+    if isinstance(model, Dielectric) and name == described.rough and abs(model.ior - 1.0) < LEAST_CONTRAST:
+        raise plugin.refuse(f"a rough interface wants an index at least {LEAST_CONTRAST:g} away from 1")
+    return Built(model, 1, True) if transmits(model) else opaque(importer, plugin, model, two_sided)
+
+
+def _rough_diffuse(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
+    alpha = number_or_texture(importer, plugin, "alpha", default=0.2, high=1e6)
+    plugin.read.add("use_fast_approx")
+    if alpha != 0.0:
+        importer.notes.add("roughdiffuse is taken as diffuse", plugin.element)
+    return _leaf(importer, plugin, two_sided, "diffuse")
 
 
 # ---- wrappers --------------------------------------------------------------------------------------------------------
@@ -361,17 +307,8 @@ def _normal_map(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
 
 
 BSDFS: dict[str, Callable[[Importer, Plugin, bool], Built]] = {
-    "diffuse": _diffuse,
+    **{name: _leaf for each in LEAF_PLUGINS.values() for name in (each.plugin, each.rough) if name is not None},
     "roughdiffuse": _rough_diffuse,
-    "conductor": _conductor,
-    "roughconductor": _rough_conductor,
-    "dielectric": _glass,
-    "roughdielectric": _rough_glass,
-    "thindielectric": _thin_glass,
-    "plastic": _plastic,
-    "roughplastic": _rough_plastic,
-    "principled": _principled,
-    "null": _null,
     "twosided": _two_sided,
     "mask": _mask,
     "blendbsdf": _blend,

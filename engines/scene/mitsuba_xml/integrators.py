@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from engines.scene.bsdf_tree import has_null_lobes, tilts_null_lobes
 from engines.scene.mitsuba_xml.context import Importer
 from engines.scene.mitsuba_xml.properties import Plugin
-from engines.scene.support import has_null_lobes, tilts_null_lobes
 
 UNLIMITED = 100_000
 """Segments that stand for a path without an end: the roulette ends it long before."""
@@ -55,9 +55,10 @@ def shader(importer: Importer, plugin: Plugin) -> dict[str, Any]:
         found["max_depth"] = UNLIMITED if depth < 0 else min(max(depth, 1), UNLIMITED)
         rr_depth = max(plugin.integer("rr_depth", default=5, low=-1, high=2**31 - 1), 1)
         found["rr_depth"] = min(rr_depth + volumetric, 1_000_000)
-    if volumetric and any(map(has_null_lobes, importer.reader.table.materials)):
+    bsdfs = [material.as_bsdf for material in importer.reader.table.materials]
+    if volumetric and any(map(has_null_lobes, bsdfs)):
         found["transparent_shadows"] = True
-        if any(map(tilts_null_lobes, importer.reader.table.materials)):
+        if any(map(tilts_null_lobes, bsdfs)):
             said = "light samples pass null surfaces and masks inside of bump and normal maps, where Mitsuba's are blocked"
             importer.notes.add(f"integrator {plugin.type}: {said}", plugin.element)
     if why := SUGGESTED.get(plugin.type, "it estimates something else"):

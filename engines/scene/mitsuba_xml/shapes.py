@@ -3,27 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene.bsdf import Bsdf, Conductor, Dielectric, Diffuse, Principled, Sides, is_textured
+from engines.scene import tessellate
+from engines.scene.bsdf import Bsdf, Diffuse, Sides
+from engines.scene.bsdf_tree import anisotropic, is_textured, leaves
+from engines.scene.frames import mitsuba_frame
 from engines.scene.geometry import unit_rows, with_face_normals
 from engines.scene.mesh import Mesh, faceted
-from engines.scene.mitsuba_xml import tessellate
 from engines.scene.mitsuba_xml.bsdfs import bsdf, turned
 from engines.scene.mitsuba_xml.context import Importer
 from engines.scene.mitsuba_xml.emitters import area_radiance
 from engines.scene.mitsuba_xml.meshes import angle_weighted_normals, read_file
 from engines.scene.mitsuba_xml.properties import Plugin
-from engines.scene.mitsuba_xml.tessellate import Triangles
 from engines.scene.mitsuba_xml.transforms import Matrix, cofactors, mirrored, placed, similarity
 from engines.scene.shapes import PART, Cylinder, Disk, Shape, Sphere
-from engines.scene.textures import Checkerboard, Color, ImageTexture, Texture
+from engines.scene.tessellate import Triangles
+from engines.scene.textures import Color, Texture
 from engines.scene.triple import BLACK, Triple
 
+SEGMENTS, RINGS, DISK_RINGS = 192, 96, 16
+"""Around a round shape, a chord of which lies 1.3e-4 radii within the circle; from pole to pole of a sphere; of a disk."""
 UNTURNED = 1e-6
 """By how much a rotation may differ from none where texture coordinates depend on it."""
 
@@ -42,7 +46,7 @@ class Look:
 
     @property
     def looks_at_uv(self) -> bool:
-        return isinstance(self.radiance, Texture) or looks_at_uv(self.bsdf)
+        return isinstance(self.radiance, Texture) or is_textured(self.bsdf)
 
 
 def shape(importer: Importer, plugin: Plugin) -> Shape:
@@ -77,32 +81,6 @@ def _look(importer: Importer, plugin: Plugin) -> Look:
         return Look(None, radiance, "emitter")
     importer.one_sided["shapes without a BSDF"] = None
     return Look(Sides(Diffuse(), None), BLACK, "default")
-
-
-# ---- what materials ask of shapes ------------------------------------------------------------------------------------
-
-
-def looks_at_uv(found: Bsdf | None) -> bool:
-    """Whether a BSDF depends on where a texture coordinate of 0 lies, or on anything but the direction in which u grows."""
-    if found is None:
-        return False
-    values = [getattr(found, item.name) for item in fields(found)]
-    if any(isinstance(value, ImageTexture | Checkerboard) for value in values):
-        return True
-    inner = [value for value in values if isinstance(value, Bsdf)]
-    pairs = [part for value in values if isinstance(value, tuple) for part in value]
-    return any(isinstance(part, ImageTexture | Checkerboard) for part in pairs) or any(map(looks_at_uv, inner))
-
-
-def anisotropic(found: Bsdf | None) -> bool:
-    """Whether a BSDF depends on the direction in which u grows."""
-    if found is None:
-        return False
-    if isinstance(found, Conductor | Dielectric):
-        return found.alpha[0] is not found.alpha[1] and found.alpha[0] != found.alpha[1]
-    if isinstance(found, Principled):
-        return found.anisotropic != 0.0
-    return any(anisotropic(value) for item in fields(found) if isinstance(value := getattr(found, item.name), Bsdf))
 
 
 # ---- triangles -------------------------------------------------------------------------------------------------------
@@ -191,7 +169,7 @@ def _of_disk(importer: Importer, plugin: Plugin, look: Look) -> Shape:
         return Disk(_triple(matrix[:3, 3]), _triple(normal / length), radius, material)
     else:
         importer.notes.add("a textured disk is made of triangles", plugin.element)
-    return _mesh(importer, plugin, look, tessellate.disk(), matrix, turn)
+    return _mesh(importer, plugin, look, tessellate.disk(SEGMENTS, DISK_RINGS), matrix, turn)
 
 
 def _sphere(importer: Importer, plugin: Plugin, look: Look) -> Shape:
@@ -208,13 +186,13 @@ def _sphere(importer: Importer, plugin: Plugin, look: Look) -> Shape:
         stretched = similarity(plugin.transform()[:3, :3]) is None
         shown = ", where Mitsuba 3 shows a sphere" if stretched else ""
         importer.notes.add(f"an ellipsoid is made of triangles{shown}", plugin.element)
-    elif turned_round and (look.looks_at_uv or anisotropic(look.bsdf)):
+    elif turned_round and (look.looks_at_uv or any(map(anisotropic, leaves(look.bsdf)))):
         importer.notes.add("a sphere that is turned and has a texture, or a direction, is made of triangles", plugin.element)
     elif inside_out and look.emits:
         importer.notes.add("a sphere that emits inwards is made of triangles", plugin.element)
     else:
         return Sphere(_triple(matrix[:3, 3]), scale, _round_material(importer, look, inside_out))
-    return _mesh(importer, plugin, look, tessellate.sphere(), matrix, inside_out)
+    return _mesh(importer, plugin, look, tessellate.sphere(SEGMENTS, RINGS), matrix, inside_out)
 
 
 def _cylinder(importer: Importer, plugin: Plugin, look: Look) -> Shape:
@@ -226,7 +204,7 @@ def _cylinder(importer: Importer, plugin: Plugin, look: Look) -> Shape:
     inside_out = plugin.boolean("flip_normals", default=False)
     axis = (ends[1] - ends[0]) / length
     local = np.eye(4)
-    local[:3] = np.stack([*(side * radius for side in tangents(axis)), axis * length, ends[0]], axis=1)
+    local[:3] = np.stack([*(side * radius for side in mitsuba_frame(axis)), axis * length, ends[0]], axis=1)
     matrix = matrix @ local
     found = _round(matrix[:3, 0], matrix[:3, 1])
     along = matrix[:3, 2] / max(float(np.linalg.norm(matrix[:3, 2])), 1e-300)
@@ -240,7 +218,7 @@ def _cylinder(importer: Importer, plugin: Plugin, look: Look) -> Shape:
     else:
         p0, p1 = matrix[:3, 3], matrix[:3, 3] + matrix[:3, 2]
         return Cylinder(_triple(p0), _triple(p1), found, _round_material(importer, look, inside_out))
-    return _mesh(importer, plugin, look, tessellate.cylinder(), matrix, inside_out)
+    return _mesh(importer, plugin, look, tessellate.cylinder(SEGMENTS), matrix, inside_out)
 
 
 def _from_file(importer: Importer, plugin: Plugin, look: Look) -> Mesh:
@@ -277,14 +255,6 @@ def _read(
         importer.notes.add(faceted(replaced), named)
     normals = -normals if turn else normals
     return vertices, _swapped(faces, against(vertices, faces, normals)), normals, uvs
-
-
-def tangents(n: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Mitsuba's frame of a unit vector (Duff et al. 2017)."""
-    sign = np.copysign(1.0, n[2])
-    a = -1.0 / (sign + n[2])
-    b = n[0] * n[1] * a
-    return np.array([1.0 + sign * n[0] ** 2 * a, sign * b, -sign * n[0]]), np.array([b, n[1] ** 2 * a + sign, -n[1]])
 
 
 def _round(s: NDArray[np.float64], t: NDArray[np.float64]) -> float | None:

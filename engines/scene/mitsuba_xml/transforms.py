@@ -9,6 +9,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from engines.scene.frames import look_at
 from engines.scene.mitsuba_xml.document import Element
 
 Matrix = NDArray[np.float64]
@@ -114,14 +115,10 @@ def _look_at(element: Element) -> Matrix:
     forward = target - origin
     if not forward.any():
         raise element.refuse("target must differ from origin")
-    forward /= np.linalg.norm(forward)
-    left = np.cross(up, forward)
-    if np.linalg.norm(left) <= 1e-9 * max(float(np.linalg.norm(up)), 1e-300):
+    across = np.linalg.norm(np.cross(up, forward / np.linalg.norm(forward)))
+    if across <= 1e-9 * max(float(np.linalg.norm(up)), 1e-300):
         raise element.refuse("up must not be parallel to the direction of view")
-    left /= np.linalg.norm(left)
-    found = np.eye(4)
-    found[:3] = np.stack([left, np.cross(forward, left), forward, origin], axis=1)
-    return found
+    return look_at(origin, target, up)
 
 
 _STEPS: dict[str, Callable[[Element], Matrix]] = {

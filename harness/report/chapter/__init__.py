@@ -52,5 +52,4 @@ def write_chapter(folders: Sequence[Path], target: Path, prose: Path | None = No
 
 
 def _section(analysis: Analysis, plots: Path) -> Section:
-    name = (analysis.results.manifest.get("config") or {}).get("name", "")
-    return WRITERS.get(name, experiment.section)(analysis, plots)
+    return WRITERS.get(analysis.results.config.name, experiment.section)(analysis, plots)

@@ -52,7 +52,7 @@ def _setting(analysis: Analysis) -> list[str]:
     measured = [contestant for contestant in analysis.results.contestants if contestant.done]
     if not measured:
         return ["Nothing was measured."]
-    blocks = {cell["block"] for contestant in measured for cell in contestant.done}
+    blocks = {cell.block for contestant in measured for cell in contestant.done}
     sizes = sorted({contestant.settings.size for contestant in measured})
     return [
         f"The engines of raybench rendered the scene of Dahlquist's ray tracer beside a port of that program, at "
@@ -119,15 +119,15 @@ def _frame_table(analysis: Analysis, rivals: Sequence[Rival]) -> Table:
             row["frame_ms"] = estimate(seconds_per_sample(contestant), 1e3)
             row["primary_rays"] = Estimate(rate.value / 1e3, rate.low / 1e3, rate.high / 1e3, rate.n)
         row["against"] = speedup and Estimate(*speedup[:4])
-        row["gain"] = gains.get(id(contestant))
+        row["gain"] = gains.get(contestant)
         table.rows.append(row)
     return table
 
 
-def _gains(analysis: Analysis) -> dict[int, Estimate]:
-    """By the id of a contestant: its speed over that of the one with the fewest threads."""
+def _gains(analysis: Analysis) -> dict[Contestant, Estimate]:
+    """Contestant -> its speed over that of the one with the fewest threads."""
     found = {}
     for family in families(analysis, "threads"):
         first, *others = sorted(family.members, key=lambda name: family.members[name].settings.threads)
-        found |= {id(family.members[one]): Estimate(*compare(analysis, family, one, first)[:4]) for one in others}
+        found |= {family.members[one]: Estimate(*compare(analysis, family, one, first)[:4]) for one in others}
     return found

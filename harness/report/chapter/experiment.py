@@ -61,7 +61,7 @@ def _setting(analysis: Analysis) -> list[str]:
     settings = [c.settings for c in results.contestants if c.done and not c.settings.label]
     if not settings:
         return ["Nothing was measured."]
-    blocks = {cell["block"] for contestant in results.contestants for cell in contestant.done}
+    blocks = {cell.block for contestant in results.contestants for cell in contestant.done}
     return [
         f"{plural(len(settings), 'configuration')} on {plural(len(results.scenes), 'scene')}, at "
         f"{listed(sorted({s.size for s in settings}))} pixels.",
@@ -80,10 +80,10 @@ def each_block(blocks: int) -> str:
 
 def place(analysis: Analysis) -> list[str]:
     """On what machine it was measured, and when."""
-    machine = analysis.results.manifest.get("machine") or {}
+    machine = analysis.results.manifest.machine
     cores = machine.get("usable_cores") or machine.get("cores")
     cpu = machine.get("cpu") or "an unnamed processor"
-    days = sorted({str(cell["time"])[:10] for cell in analysis.results.cells if cell.get("time")})
+    days = sorted({cell.time[:10] for cell in analysis.results.cells if cell.time})
     when = f", on {' to '.join(dict.fromkeys((days[0], days[-1])))}" if days else ""
     size = f" with {cores} usable core{'' if cores == 1 else 's'}" if cores else ""
     return [f"The machine was {cpu}{size}{when}."]
@@ -95,7 +95,7 @@ def limits(analysis: Analysis) -> Section:
     cells = frames.by_contestant(frames.cells(results).frame, results)
     counted = listed([f"{number} {state}" for state, number in cells.state.value_counts().sort_index().items()])
     said = [f"Of {plural(len(cells), 'cell')}, {counted}."]
-    missing = set(results.manifest.get("cell_ids") or ()) - set(cells.cell_id)
+    missing = set(results.manifest.cell_ids) - set(cells.cell_id)
     if missing:
         said.append(f"{plural(len(missing), 'cell')} of the experiment had not been begun.")
     contended = contended_cells(analysis)
@@ -109,7 +109,7 @@ def limits(analysis: Analysis) -> Section:
 
 
 def contended_cells(analysis: Analysis) -> int:
-    return sum(bool((cell.get("machine") or {}).get("contended")) for cell in analysis.results.cells)
+    return sum(bool(cell.machine.contended) for cell in analysis.results.cells)
 
 
 def _reasons(cells: pd.DataFrame) -> list[str]:
@@ -171,7 +171,7 @@ def _primitives() -> Column:
 
 
 def primitives(contestant: Contestant) -> int:
-    return int(contestant.cells[0].get("primitives") or 0)
+    return contestant.cells[0].primitives
 
 
 def _threads(analysis: Analysis, plots: Path) -> Section | None:

@@ -56,7 +56,7 @@ class Facts:
             "cells": self._of(_cells),
             "contended": self._of(lambda a, c: experiment.contended_cells(a)),
             "noise_floor": self._of(_floor),
-            "blocks": self._of(lambda a, c: len({cell["block"] for cell in c.done})),
+            "blocks": self._of(lambda a, c: len({cell.block for cell in c.done})),
             "place": self._of(_place),
             "low": lambda found: min(one.low for one in _each(found)),
             "high": lambda found: max(one.high for one in _each(found)),

@@ -149,8 +149,8 @@ def demanding(found: Sequence[Family], keys: Sequence[str] = ("scene",)) -> list
     """One family a scene (or what else of `HEADINGS`): that of the shader whose samples take most rays over all of them."""
     rays: dict[str, list[float]] = {}
     for family in found:
-        end = family.any.done[0]["points"][-1]
-        rays.setdefault(family.shader, []).append(float(end.get("rays") or 0) / end["spp"])
+        end = family.any.done[0].end
+        rays.setdefault(family.shader, []).append((end.rays or 0.0) / end.spp)
     order = sorted(rays, key=lambda shader: -sum(rays[shader]) / len(rays[shader]))
     chosen: dict[tuple[str, ...], Family] = {}
     for family in sorted(found, key=lambda family: order.index(family.shader)):
@@ -173,7 +173,7 @@ def best(analysis: Analysis, family: Family, measure: Measure = SPEEDS) -> list[
 
 def thousands(contestant: Contestant) -> Estimate:
     """Thousands of paths (samples of a pixel) per second: geometric mean over blocks with its interval."""
-    pixels = (contestant.done[0].get("width") or 0) * (contestant.done[0].get("height") or 0)
+    pixels = contestant.settings.width * contestant.settings.height
     return estimate({block: 1e-3 * pixels / seconds for block, seconds in seconds_per_sample(contestant).items()})
 
 

@@ -17,7 +17,7 @@ from harness.store.results import Contestant, point_error
 
 def common_spp(contestants: Sequence[Contestant]) -> int | None:
     """The most samples at which every seed of every contestant has a checkpoint."""
-    sets = [{point["spp"] for point in cell["points"]} for c in contestants for cell in c.done]
+    sets = [{point.spp for point in cell.points} for c in contestants for cell in c.done]
     return max(set.intersection(*sets), default=None) if sets else None
 
 
@@ -27,10 +27,10 @@ def errors_at(analysis: Analysis, spp: int | None) -> Measure:
     def values(contestant: Contestant) -> Mapping[int, float]:
         found = {}
         for cell in contestant.done:
-            for point in cell["points"]:
+            for point in cell.points:
                 error, spread = point_error(point, analysis.results.metric)
-                if point["spp"] == spp and error > 3 * spread:
-                    found[cell["block"]] = error
+                if point.spp == spp and error > 3 * spread:
+                    found[cell.block] = error
         return found
 
     return Measure(values, 0.0)
@@ -40,8 +40,8 @@ def error_curve(analysis: Analysis, contestant: Contestant) -> dict[int, Estimat
     """Samples -> geometric mean over seeds of the error, where every seed has one above 0."""
     errors: dict[int, list[float]] = {}
     for cell in contestant.done:
-        for point in cell["points"]:
-            errors.setdefault(point["spp"], []).append(point_error(point, analysis.results.metric)[0])
+        for point in cell.points:
+            errors.setdefault(point.spp, []).append(point_error(point, analysis.results.metric)[0])
     whole = {spp: found for spp, found in sorted(errors.items()) if len(found) == len(contestant.done)}
     return {spp: geometric_interval(found) for spp, found in whole.items() if min(found) > 0}
 
@@ -65,7 +65,7 @@ def times_to(analysis: Analysis, family: Family, index: int) -> Measure:
 
     def values(contestant: Contestant) -> Mapping[int, float]:
         found = verdict_of(contestant).warm[index].crossings
-        return {cell["block"]: bound.high for cell, bound in zip(contestant.runs, found, strict=True)}
+        return {cell.block: bound.high for cell, bound in zip(contestant.runs, found, strict=True)}
 
     def read(way: Reading) -> Callable[[Contestant], Mapping[int, Bound]]:
         return lambda contestant: times_read(analysis.results, verdict_of(contestant), index, way)
@@ -83,9 +83,9 @@ def build_milliseconds(analysis: Analysis, contestant: Contestant) -> Estimate:
     alike = [one for named, one in words(analysis) if all(named[key] == of[key] for key in ("scene", "accelerator", "machine"))]
     builds: dict[int, list[float]] = {}
     for cell in (cell for one in alike for cell in one.done):
-        seconds = (cell.get("phases") or {}).get("warm_build_seconds")
+        seconds = cell.phases.warm_build_seconds
         if seconds is not None:
-            builds.setdefault(cell["block"], []).append(seconds)
+            builds.setdefault(cell.block, []).append(seconds)
     return estimate({block: _median(found) for block, found in builds.items()}, 1e3)
 
 
@@ -97,9 +97,10 @@ def _median(values: Sequence[float]) -> float:
 def errors_untrimmed_and_trimmed(analysis: Analysis, contestant: Contestant, spp: int | None) -> tuple[Estimate, Estimate]:
     """relMSE at `spp` samples, and that without the 0.1 % of pixels where it is largest; without correction, both."""
     name = analysis.results.relative_metric
-    points = [point.get("metrics") or {} for cell in contestant.done for point in cell["points"] if point["spp"] == spp]
-    both = [(found[name], found[f"{name}_trimmed"]) for found in points if name in found and f"{name}_trimmed" in found]
-    return geometric_interval([whole for whole, _ in both]), geometric_interval([trimmed for _, trimmed in both])
+    points = [point.metrics for cell in contestant.done for point in cell.points if point.spp == spp]
+    both = [(found.get(name), found.get(f"{name}_trimmed")) for found in points]
+    known = [(whole, trimmed) for whole, trimmed in both if whole is not None and trimmed is not None]
+    return geometric_interval([whole for whole, _ in known]), geometric_interval([trimmed for _, trimmed in known])
 
 
 def share_of_the_worst(whole: float, trimmed: float, pixels: int) -> float:
@@ -109,7 +110,7 @@ def share_of_the_worst(whole: float, trimmed: float, pixels: int) -> float:
 
 
 def pixels(contestant: Contestant) -> int:
-    return (contestant.done[0].get("width") or 0) * (contestant.done[0].get("height") or 0)
+    return contestant.settings.width * contestant.settings.height
 
 
 def one_a_scene_and_shader(analysis: Analysis) -> list[tuple[dict[str, str], Contestant]]:

@@ -83,7 +83,7 @@ def _elsewhere(names: Iterable[str]) -> str:
 
 def _accelerators(results: Results, engine: str) -> str:
     """`numba: bvh and grid (none)`: those with a measurement, and those of the engine's others."""
-    raced = list(dict.fromkeys(c.cells[0]["accelerator"]["name"] for c in _of(results, engine) if c.done))
+    raced = list(dict.fromkeys(c.settings.accelerator.name for c in _of(results, engine) if c.done))
     try:
         others = [name for name in engines.engine(engine).accelerators() if name not in (*raced, "auto")]
     except RaybenchError:
@@ -92,8 +92,6 @@ def _accelerators(results: Results, engine: str) -> str:
 
 
 def _depth(results: Results) -> str:
-    depths = {
-        (c.cells[0].get("shader") or {}).get("max_depth") for c in results.contestants if c.done and c.settings.engine != PORT
-    }
+    depths = {c.settings.shader.options.get("max_depth") for c in results.contestants if c.done and c.settings.engine != PORT}
     known = sorted(depth for depth in depths if isinstance(depth, int))
     return f"as many as max_depth allows, here {listed([str(depth) for depth in known])}" if known else ""

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from engines import dahlquist
 from harness.analysis import Analysis
+from harness.analysis.equivalence import last_pictured
 from harness.report.chapter import figures
 from harness.report.chapter.document import Paragraph, Part, Section, TablePart
 from harness.report.chapter.words import listed
@@ -70,7 +71,7 @@ def section(analysis: Analysis, named: Sequence[tuple[str, Contestant]], plots: 
 
 def _truth(results: Results, contestants: Sequence[Contestant]) -> Truth | str:
     """The port's frame, or why there is none to compare with."""
-    ids = {cell.get("reference_id") for contestant in contestants for cell in contestant.done}
+    ids = {cell.reference_id for contestant in contestants for cell in contestant.done}
     if len(ids) != 1:
         return "they have different references"
     reference = results.reference(ids.pop())
@@ -108,8 +109,7 @@ def _differences(results: Results, named: Sequence[tuple[str, Contestant]], trut
 def _last_image(results: Results, contestant: Contestant) -> Image | None:
     """(h, w, 3) in levels."""
     for cell in contestant.done:
-        point = next((point for point in reversed(cell["points"]) if point.get("image")), None)
-        image = None if point is None else results.image(point)
+        image = results.image(last_pictured(cell))
         if image is not None:
             return 255 * np.clip(image, 0, 1)
     return None

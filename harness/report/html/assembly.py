@@ -17,10 +17,11 @@ from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
 from harness.analysis import Analysis, calibration, reports_its_time
+from harness.analysis.certificates import certificate_text, certifies, refutes
 from harness.analysis.model import NOISY, possible_winners
 from harness.metrics import error_words, metric_title
 from harness.report.html.glossary import TERMS, anchor
-from harness.report.html.overview import engine_key, matrix
+from harness.report.html.overview import JudgedReference, engine_key, matrix
 from harness.report.html.pictures import picture_groups
 from harness.report.plots import Picture, Plot
 from harness.report.plots.catalogue import OF_A_PANEL
@@ -32,7 +33,8 @@ from harness.report.tables import Column, Table, cell_text, sort_value
 from harness.report.tables.evidence import evidence
 from harness.report.tables.model import estimate_text
 from harness.statistics import QualityTime
-from harness.store.results import Contestant, Event, Results, point_error
+from harness.store.records import Cell
+from harness.store.results import Contestant, Results, fixed_seconds, point_error
 from harness.trace.records import TraceResults
 
 MOST_BYTES = 9_500_000
@@ -73,8 +75,8 @@ def report_html(analysis: Analysis, tables: list[Table], plots: Sequence[Plot | 
         _environment()
         .get_template("report.html.j2")
         .render(
-            title=_title(results.manifest, results.folder.name),
-            question=_question(results.manifest),
+            title=results.config.name or results.folder.name,
+            question=results.config.question or "Which contestant reaches a given error first?",
             matrix=matrix(analysis, found, references),
             engine_key=engine_key(analysis),
             verdicts=headlines(analysis),
@@ -90,9 +92,9 @@ def report_html(analysis: Analysis, tables: list[Table], plots: Sequence[Plot | 
             runs=results.runs,
             references=references,
             terms=TERMS,
-            manifest=json.dumps(results.manifest, indent=2, default=str),
+            manifest=json.dumps(results.manifest.model_dump(exclude_unset=True), indent=2, default=str),
             counts=_state_counts(analysis),
-            calibration=found,
+            missed=calibration.missed(found),
             figures=calibration.figures(found),
             rests_on=calibration.rests_on(found),
             metric=metric_title(results.metric),
@@ -210,44 +212,27 @@ def cell_table(analysis: Analysis) -> Table:
     return table
 
 
-def _cell_row(analysis: Analysis, contestant: Contestant, cell: Event) -> dict[str, Any]:
-    contended = (cell.get("machine") or {}).get("contended")
-    notes = [cell.get("message"), contended and "contended", reports_its_time(cell) and "time reported by the program"]
+def _cell_row(analysis: Analysis, contestant: Contestant, cell: Cell) -> dict[str, Any]:
+    contended, told = cell.machine.contended, reports_its_time(cell)
+    notes = [cell.message, "contended" if contended else "", "time reported by the program" if told else ""]
     row = {
-        "state": cell["state"],
+        "state": cell.state,
         "scene": contestant.settings.scene,
         "contestant": contestant.name,
-        "block": cell.get("block"),
-        "seed": cell.get("seed"),
-        "command": repeat_command(cell),
+        "block": cell.block,
+        "seed": cell.seed,
+        "command": cell.command,
         "note": "; ".join(note for note in notes if note),
     }
-    if cell.get("points"):
-        end = cell["points"][-1]
+    if cell.points:
+        end = cell.end
         row |= {
-            "spp": end["spp"],
-            "seconds": end["seconds"],
-            "cold": end["seconds"] + contestant.fixed_seconds(cell),
+            "spp": end.spp,
+            "seconds": end.seconds,
+            "cold": end.seconds + fixed_seconds(cell),
             "error": point_error(end, analysis.results.metric)[0],
         }
     return row
-
-
-def repeat_command(cell: Event) -> str:
-    """The command stored with the cell, or one made from its settings."""
-    if cell.get("command"):
-        return str(cell["command"])
-    from shlex import quote
-
-    words = ["raybench", "render", str(cell.get("scene")), "--engine", str(cell.get("engine"))]
-    for option in ("shader", "sampler", "accelerator"):
-        if cell.get(option):
-            choice = cell[option]
-            words += [f"--{option}", json.dumps(choice) if isinstance(choice, Mapping) else str(choice)]
-    words += ["--threads", str(cell.get("threads") or 1), "--size", f"{cell.get('width')}x{cell.get('height')}"]
-    spp = cell["points"][-1]["spp"] if cell.get("points") else 1
-    words += ["--seed", str(cell.get("seed") or 0), "--spp", str(spp), "-o", "cell.exr"]
-    return " ".join(quote(word) for word in words)
 
 
 def svg_address(svg: str) -> str:
@@ -309,11 +294,6 @@ def _script_json(value: Any, **options: Any) -> Markup:
     return Markup(text)
 
 
-def _question(manifest: Mapping[str, Any]) -> str:
-    """What the experiment asks, by its config."""
-    return str((manifest.get("config") or {}).get("question") or "Which contestant reaches a given error first?")
-
-
 def _pair_verdicts(analysis: Analysis) -> list[tuple[str, int]]:
     """(verdict, how many pairs of engines have it), the worst first."""
     order = ("different", "unresolved", "unknown", "equivalent", "identical")
@@ -321,28 +301,23 @@ def _pair_verdicts(analysis: Analysis) -> list[tuple[str, int]]:
     return [(verdict, counts[verdict]) for verdict in order if counts[verdict]]
 
 
-def _title(manifest: Mapping[str, Any], fallback: str) -> str:
-    return str((manifest.get("config") or {}).get("name") or fallback)
-
-
-def _references(results: Results) -> list[dict[str, Any]]:
-    """The events of references, each with what its certificate says and whether that is bad news."""
-    from harness.run.certificates import certifies, refutes, words
-
+def _references(results: Results) -> list[JudgedReference]:
+    """The references, each with what its certificate says and whether that is bad news."""
     found = []
-    for reference_id, event in results.references.items():
+    for reference_id, reference in results.references.items():
         certificate = results.certificates.get(reference_id)
-        said = words(certificate) if certificate else "uncertified: no engine of another lineage has made its image"
+        said = certificate_text(certificate) if certificate else "uncertified: no engine of another lineage has made its image"
         certified, refuted = (bool(certificate and judge(certificate)) for judge in (certifies, refutes))
-        found.append({**event, "certificate": said, "certified": certified, "refuted": refuted})
+        found.append(JudgedReference(reference, said, certified, refuted))
     return found
 
 
 def _machines(analysis: Analysis) -> list[str]:
     """The measured cells' environments in words: more than one must not share a time axis in silence."""
     results = analysis.results
-    found = sorted({str(cell.get("env_id")) for cell in results.cells if cell["state"] == "done"})
-    return [machine_words(env_id, results.environments.get(env_id, {}).get("preimage") or {}) for env_id in found]
+    known = {env_id: environment.preimage for env_id, environment in results.environments.items()}
+    found = sorted({cell.env_id for cell in results.cells if cell.state == "done"})
+    return [machine_words(env_id, known.get(env_id, {})) for env_id in found]
 
 
 def machine_words(env_id: str, preimage: Mapping[str, Any]) -> str:
@@ -355,8 +330,8 @@ def machine_words(env_id: str, preimage: Mapping[str, Any]) -> str:
 
 
 def _state_counts(analysis: Analysis) -> dict[str, int]:
-    states = [str(cell["state"]) for cell in analysis.results.cells]
-    return {state: states.count(state) for state in dict.fromkeys(sorted(states))}
+    states = [cell.state for cell in analysis.results.cells]
+    return dict(sorted(Counter(states).items()))
 
 
 def _time_text(quality: QualityTime) -> str:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from markupsafe import Markup, escape
 
 from harness.analysis import Analysis, Verdict, error_targets
-from harness.analysis.calibration import Calibration
+from harness.analysis.calibration import missed
 from harness.analysis.model import NOISY, possible_winners
 from harness.metrics import metric_title
 from harness.report.plots.curves import band
@@ -20,9 +20,18 @@ from harness.report.tables.evidence import floor_text
 from harness.report.tables.model import estimate_text, number_text
 from harness.report.winners import ratio_of
 from harness.statistics.ratios import FEWEST_BLOCKS
+from harness.store.records import Calibration, Reference
 
-Reference = Mapping[str, Any]
 PLOT_WIDTH, PLOT_HEIGHT, LEFT, BOTTOM = 250, 132, 36, 18
+
+
+class JudgedReference(NamedTuple):
+    """A reference with what its certificate says, in words, and whether it is certified or refuted."""
+
+    record: Reference
+    certificate: str
+    certified: bool
+    refuted: bool
 
 
 class Entry(NamedTuple):
@@ -66,7 +75,7 @@ class Row(NamedTuple):
     quality: dict[str, str]
 
 
-def matrix(analysis: Analysis, calibration: Calibration, references: Sequence[Reference]) -> list[Row]:
+def matrix(analysis: Analysis, calibration: Calibration, references: Sequence[JudgedReference]) -> list[Row]:
     """One row a panel; empty without targets, or without a measured cell."""
     palette, targets = Palette(analysis.results), list(enumerate(analysis.results.targets))
     found = []
@@ -86,14 +95,14 @@ def engine_key(analysis: Analysis) -> list[tuple[str, str]]:
     return [(name, palette.colour(name)) for name in names]
 
 
-def reference_of(panel: Panel, references: Sequence[Reference]) -> Reference | None:
+def reference_of(panel: Panel, references: Sequence[JudgedReference]) -> JudgedReference | None:
     """The reference that a panel's errors are measured against."""
-    wanted = panel.verdicts[0].contestant.done[0].get("reference_id")
-    return next((each for each in references if each.get("reference_id") == wanted), None)
+    reference_id = panel.verdicts[0].contestant.done[0].reference_id
+    return next((each for each in references if each.record.reference_id == reference_id), None)
 
 
 def _cell(
-    analysis: Analysis, panel: Panel, index: int, target: float, calibration: Calibration, reference: Reference | None
+    analysis: Analysis, panel: Panel, index: int, target: float, calibration: Calibration, reference: JudgedReference | None
 ) -> Cell:
     verdicts = panel.verdicts
     return Cell(
@@ -116,7 +125,7 @@ def _entry(verdict: Verdict, verdicts: Sequence[Verdict], index: int) -> Entry:
 
 
 def _remarks(
-    analysis: Analysis, panel: Panel, index: int, calibration: Calibration, reference: Reference | None
+    analysis: Analysis, panel: Panel, index: int, calibration: Calibration, reference: JudgedReference | None
 ) -> Iterator[str]:
     """What weakens the verdict of a cell, a sentence each."""
     if _fewest_blocks(panel) < FEWEST_BLOCKS:
@@ -132,19 +141,19 @@ def _remarks(
         yield f"the reference is too noisy for the times of {noisy} contestant{'' if noisy == 1 else 's'}"
     if calibration.races is None:
         yield "the run is too small for a calibration"
-    if calibration.missed:
-        yield f"calibration missed: {', '.join(calibration.missed)}"
-    if reference is not None and not reference["certified"]:
-        yield f"the reference is {'refuted' if reference['refuted'] else 'uncertified'}"
+    if lacking := missed(calibration):
+        yield f"calibration missed: {', '.join(lacking)}"
+    if reference is not None and not reference.certified:
+        yield f"the reference is {'refuted' if reference.refuted else 'uncertified'}"
 
 
-def _quality(analysis: Analysis, panel: Panel, reference: Reference | None) -> dict[str, str]:
+def _quality(analysis: Analysis, panel: Panel, reference: JudgedReference | None) -> dict[str, str]:
     """The row of the section on measurement quality."""
-    counts = sorted({len({cell["block"] for cell in verdict.contestant.done}) for verdict in panel.verdicts})
+    counts = sorted({len({cell.block for cell in verdict.contestant.done}) for verdict in panel.verdicts})
     contended, judged = _contention(panel)
     indices = range(len(analysis.results.targets))
     apart = any((panel.scene, index) in analysis.separated for index in indices)
-    certified = reference["certificate"] if reference is not None else "no reference is recorded"
+    certified = reference.certificate if reference is not None else "no reference is recorded"
     return {
         "blocks": f"{counts[0]} to {counts[-1]}" if len(counts) > 1 else str(counts[0]),
         "contended": f"{contended} of {judged}" if judged else "not measured",
@@ -154,12 +163,12 @@ def _quality(analysis: Analysis, panel: Panel, reference: Reference | None) -> d
 
 
 def _fewest_blocks(panel: Panel) -> int:
-    return min(len({cell["block"] for cell in verdict.contestant.done}) for verdict in panel.verdicts)
+    return min(len({cell.block for cell in verdict.contestant.done}) for verdict in panel.verdicts)
 
 
 def _contention(panel: Panel) -> tuple[int, int]:
     """(contended, judged) timings of the panel's contestants."""
-    found = [(cell.get("machine") or {}).get("contended") for verdict in panel.verdicts for cell in verdict.contestant.done]
+    found = [cell.machine.contended for verdict in panel.verdicts for cell in verdict.contestant.done]
     judged = [bool(contended) for contended in found if contended is not None]
     return sum(judged), len(judged)
 

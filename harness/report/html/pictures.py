@@ -15,10 +15,12 @@ from numpy.typing import NDArray
 from engines.film import to_bitmap
 from engines.image import png_bytes
 from harness.analysis import Analysis, Verdict
+from harness.analysis.comparisons import others
 from harness.metrics import Reference, higher_is_better, metric_title
 from harness.report.plots.panels import Panel, panels
 from harness.report.tables.model import number_text
-from harness.store.results import Event, Results, point_error
+from harness.store.records import Point
+from harness.store.results import Results, point_error
 
 MOST_PICTURES = 9
 """As many as there are number keys; the reference is key 0."""
@@ -52,7 +54,7 @@ class Shown(NamedTuple):
     """A contestant's picture at a checkpoint."""
 
     verdict: Verdict
-    point: Event
+    point: Point
     image: Image
 
 
@@ -70,7 +72,7 @@ def picture_groups(analysis: Analysis, budget_bytes: float) -> list[PictureGroup
     chosen = [(panel, found) for panel, found in chosen if found["last"].shown]
     pixels = 0
     for _, found in chosen:
-        images = {shown.point["image"]: shown.image for selection in found.values() for shown in selection.shown}
+        images = {shown.point.image: shown.image for selection in found.values() for shown in selection.shown}
         height, width = next(iter(images.values())).shape[:2]
         pixels += (len(images) + 1) * height * width
     factor = max(math.ceil(math.sqrt(pixels * BYTES_PER_PIXEL / max(budget_bytes, 1.0))), 1)
@@ -82,18 +84,18 @@ def shown_images(analysis: Analysis, most: int = MOST_CROPS) -> set[str]:
     first `most` at the last checkpoint, and as many at equal time. Those at equal samples are what these have in common."""
     found: set[str] = set()
     for panel in panels(analysis):
-        found |= {str(shown.point["image"]) for shown in selections(analysis.results, panel)["last"].shown[:most]}
-        found |= {str(point["image"]) for _, point in _at_equal_time(analysis.results, panel)[1][:most]}
+        found |= {str(shown.point.image) for shown in selections(analysis.results, panel)["last"].shown[:most]}
+        found |= {str(point.image) for _, point in _at_equal_time(analysis.results, panel)[1][:most]}
     return found
 
 
 def selections(results: Results, panel: Panel) -> dict[str, Selection]:
     """`last`, `time` and `samples`: pictures at the last checkpoint, at equal time and at equal samples."""
-    pictured = {id(v): [p for p in v.contestant.done[0]["points"] if p.get("image")] for v in panel.verdicts}
+    pictured = {id(v): [p for p in v.contestant.done[0].points if p.image] for v in panel.verdicts}
     seconds, timed = _at_equal_time(results, panel, math.inf)
     at_time = {id(verdict): point for verdict, point in timed}
     spp = _equal_samples(list(pictured.values()))
-    at_spp = {key: next((p for p in points if p["spp"] == spp), None) for key, points in pictured.items()}
+    at_spp = {key: next((p for p in points if p.spp == spp), None) for key, points in pictured.items()}
     last = {key: points[-1] if points else None for key, points in pictured.items()}
     return {
         "last": _select(results, panel, "last checkpoint", last, NOT_KEPT, True),
@@ -102,14 +104,14 @@ def selections(results: Results, panel: Panel) -> dict[str, Selection]:
     }
 
 
-def _equal_samples(pictured: list[list[Event]]) -> int:
+def _equal_samples(pictured: list[list[Point]]) -> int:
     """The samples at which most contestants have a picture; of several the most. 0 without pictures."""
-    counts = Counter(point["spp"] for points in pictured for point in points)
+    counts = Counter(point.spp for points in pictured for point in points)
     return max(counts, key=lambda spp: (counts[spp], spp), default=0)
 
 
 def _select(
-    results: Results, panel: Panel, words: str, points: Mapping[int, Event | None], without: str, threads_alike: bool
+    results: Results, panel: Panel, words: str, points: Mapping[int, Point | None], without: str, threads_alike: bool
 ) -> Selection:
     """Up to nine contestants: the best of every engine first, then by final error.
 
@@ -120,7 +122,7 @@ def _select(
     seen: dict[Any, str] = {}
     for verdict in _ranked(panel):
         name, point = verdict.contestant.name, points.get(id(verdict))
-        alike = verdict.contestant.settings._replace(threads=0)
+        alike = others(verdict.contestant.settings, "threads")
         image = results.image(point) if point else None
         if threads_alike and alike in seen:
             missing.append((name, f"has the image of {seen[alike]} at equal samples: they differ only in threads"))
@@ -139,7 +141,7 @@ def _select(
     for contestant in results.contestants:
         s = contestant.settings
         if not contestant.done and (s.scene, s.size, s.division) == (same.scene, same.size, same.division):
-            states = ", ".join(dict.fromkeys(str(cell["state"]) for cell in contestant.cells))
+            states = ", ".join(dict.fromkeys(cell.state for cell in contestant.cells))
             missing.append((contestant.name, f"has no measured cell ({states or 'not run'})"))
     return Selection(words, shown, missing)
 
@@ -160,17 +162,17 @@ def rounded(image: Image) -> NDArray[np.float16]:
     return np.where(finite, (bits.astype(np.uint32) + 4) & 0xFFF8, bits).astype(np.uint16).view(np.float16)
 
 
-def point_words(results: Results, point: Event) -> str:
+def point_words(results: Results, point: Point) -> str:
     """`256 spp, 3.21 s, relmse_e0.01 4.5e-04`."""
     error, _ = point_error(point, results.metric)
     name = "error" if higher_is_better(results.metric) else metric_title(results.metric)
-    return f"{point['spp']} spp, {number_text(point['seconds'])} s, {name} {number_text(error)}"
+    return f"{point.spp} spp, {number_text(point.seconds)} s, {name} {number_text(error)}"
 
 
 def _group(results: Results, panel: Panel, found: Mapping[str, Selection], factor: int) -> PictureGroup:
     """One copy of each picture, however many rules chose it; the reference is the first of every rule."""
     shape = found["last"].shown[0].image.shape
-    reference = results.reference(panel.verdicts[0].contestant.done[0].get("reference_id"))
+    reference = results.reference(panel.verdicts[0].contestant.done[0].reference_id)
     if reference is not None and reference.mean.shape != shape:
         reference = None
     pictures: list[dict[str, Any]] = []
@@ -182,8 +184,8 @@ def _group(results: Results, panel: Panel, found: Mapping[str, Selection], facto
     for rule, selection in found.items():
         chosen = [0] if reference is not None else []
         for verdict, point, image in selection.shown:
-            if image.shape == shape and point["image"] not in places:
-                places[point["image"]] = len(pictures)
+            if image.shape == shape and point.image not in places:
+                places[str(point.image)] = len(pictures)
                 pictures.append(
                     {
                         "name": verdict.contestant.name,
@@ -192,7 +194,7 @@ def _group(results: Results, panel: Panel, found: Mapping[str, Selection], facto
                     }
                 )
             if image.shape == shape:
-                chosen.append(places[point["image"]])
+                chosen.append(places[str(point.image)])
         rules[rule] = {"words": selection.words, "pictures": chosen, "missing": selection.missing}
     height, width = shrunk(found["last"].shown[0].image, factor).shape[:2]
     payload = {
@@ -227,18 +229,16 @@ def packed(image: Image) -> str:
     return base64.b64encode(zlib.compress(planes.tobytes(), 9)).decode()
 
 
-def _at_equal_time(results: Results, panel: Panel, most: float = MOST_CROPS) -> tuple[float, list[tuple[Verdict, Event]]]:
+def _at_equal_time(results: Results, panel: Panel, most: float = MOST_CROPS) -> tuple[float, list[tuple[Verdict, Point]]]:
     """(time, the last pictured checkpoint of each contestant's first block within it), by rising error."""
-    cells = [(v, [p for p in v.contestant.done[0]["points"] if p.get("image")]) for v in panel.verdicts]
+    cells = [(v, [p for p in v.contestant.done[0].points if p.image]) for v in panel.verdicts]
     cells = [(verdict, points) for verdict, points in cells if points]
     if not cells:
         return math.nan, []
     # The time of the contestant that ends first; later where another has no picture by then.
-    first_end = min(points[-1]["seconds"] for _, points in cells)
-    seconds = max(first_end, *(points[0]["seconds"] for _, points in cells))
-    taken = [
-        (verdict, max((p for p in points if p["seconds"] <= seconds), key=lambda p: p["seconds"])) for verdict, points in cells
-    ]
+    first_end = min(points[-1].seconds for _, points in cells)
+    seconds = max(first_end, *(points[0].seconds for _, points in cells))
+    taken = [(verdict, max((p for p in points if p.seconds <= seconds), key=lambda p: p.seconds)) for verdict, points in cells]
     taken.sort(key=lambda pair: point_error(pair[1], results.metric)[0])
     return seconds, taken[: int(min(most, len(taken)))]
 

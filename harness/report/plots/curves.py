@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from harness.analysis import Analysis, Verdict, error_targets
+from harness.analysis.comparisons import others
 from harness.analysis.model import ranked_together
 from harness.metrics import metric_title
 from harness.report.plots.chart import FAINT, GRID, Axis, Chart, Entry, Guide, Look, Series, Subplot, interval
@@ -17,7 +18,7 @@ from harness.report.plots.style import MOST_CURVES, Palette, curve_legend, small
 from harness.statistics import Estimate, ecdf, geometric_interval, pareto_front
 from harness.statistics.convergence import NOISE_ERRORS
 from harness.statistics.ratios import FEWEST_BLOCKS
-from harness.store.results import Results, point_error
+from harness.store.results import Results, fixed_seconds, point_error
 
 X_LABELS = {"seconds": "warm time [s]", "cold": "cold time [s]", "spp": "samples per pixel", "rays": "rays traced"}
 HOVER_NAMES = {"cold": "cold seconds", "rays": "rays"}
@@ -40,11 +41,11 @@ def band(results: Results, verdict: Verdict, x: str) -> Band:
     """Checkpoints that at least half of the seeds reached. `x` is a key of `X_LABELS`."""
     rows: dict[int, list[tuple[float, float, float, float]]] = {}
     for cell in verdict.contestant.done:
-        start = verdict.contestant.fixed_seconds(cell) if x == "cold" else 0.0
-        for point in cell["points"]:
+        start = fixed_seconds(cell) if x == "cold" else 0.0
+        for point in cell.points:
             error, se = point_error(point, results.metric)
-            if math.isfinite(error) and (at := point.get("seconds" if x == "cold" else x)):
-                rows.setdefault(point["spp"], []).append((start + float(at), error, se, point["seconds"]))
+            if math.isfinite(error) and (at := getattr(point, "seconds" if x == "cold" else x)):
+                rows.setdefault(point.spp, []).append((start + at, error, se, point.seconds))
     enough = {spp: np.array(rows[spp]) for spp in sorted(rows) if 2 * len(rows[spp]) >= len(verdict.contestant.done)}
     medians = np.array([np.median(row, axis=0) for row in enough.values()]).reshape(-1, 4)
     place, error, se, seconds = medians.T
@@ -120,11 +121,11 @@ def target_ecdf(analysis: Analysis, palette: Palette) -> Chart | None:
     solvers: dict[Any, list[Verdict]] = {}
     for verdict in analysis.verdicts:
         if not (verdict.contestant.settings.label or verdict.disqualified):
-            solvers.setdefault(verdict.contestant.settings._replace(scene="", size=""), []).append(verdict)
+            solvers.setdefault(others(verdict.contestant.settings, "scene", "size"), []).append(verdict)
     if not analysis.results.targets or not solvers:
         return None
     first = {id(verdicts[0]): verdicts for verdicts in solvers.values()}
-    latest = max((c["points"][-1]["seconds"] for v in analysis.verdicts for c in v.contestant.done), default=1.0)
+    latest = max((c.end.seconds for v in analysis.verdicts for c in v.contestant.done), default=1.0)
     y = Axis("share of scenes × targets × seeds reached", "linear", 0, 1.02)
     subplots = []
     for part in facets([verdicts[0] for verdicts in solvers.values()]):
@@ -153,10 +154,10 @@ def _pareto_points(results: Results, verdict: Verdict) -> list[_ParetoPoint]:
     """Checkpoints of three seeds or more whose error is above its noise, with intervals over seeds."""
     rows: dict[int, list[tuple[float, float]]] = {}
     for cell in verdict.contestant.done:
-        for point in cell["points"]:
+        for point in cell.points:
             error, se = point_error(point, results.metric)
-            if error > NOISE_ERRORS * se and error > 0 and math.isfinite(error) and point["seconds"] > 0:
-                rows.setdefault(point["spp"], []).append((point["seconds"], error))
+            if error > NOISE_ERRORS * se and error > 0 and math.isfinite(error) and point.seconds > 0:
+                rows.setdefault(point.spp, []).append((point.seconds, error))
     return [
         _ParetoPoint(verdict, spp, *(geometric_interval([pair[i] for pair in pairs]) for i in (0, 1)))
         for spp, pairs in rows.items()

@@ -54,7 +54,7 @@ def panels(analysis: Analysis) -> list[Panel]:
         for key in sorted(keys, key=lambda key: key[3] != "closed"):
             scene, shader, size, division, machine = key
             others = (
-                shader * varying[1],
+                str(shader) * varying[1],
                 size * varying[2],
                 "open division" * (division != "closed"),
                 f"machine {machine}" * (len(machines) > 1),
@@ -91,7 +91,7 @@ def reference_noise(results: Results, panel: Panel) -> tuple[float, int] | None:
     """(relMSE that the reference's own noise amounts to, its spp); None for other metrics or without the reference."""
     if not results.metric.startswith("relmse_e"):
         return None
-    reference: Reference | None = results.reference(panel.verdicts[0].contestant.done[0].get("reference_id"))
+    reference: Reference | None = results.reference(panel.verdicts[0].contestant.done[0].reference_id)
     if reference is None:
         return None
     noise = float((reference.variance / (reference.mean**2 + results.epsilon)).mean())

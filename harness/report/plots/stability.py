@@ -1,6 +1,6 @@
 """Numerical stability: error of t over distance, scene offset and radius; self-hits and leaks over scale.
 
-Drawn from check results of the suite's section `stability` (plain mappings, as events and verify.json hold them).
+Drawn from check results of the suite's section `stability` (as events and verify.json hold them).
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from harness.check_results import CheckResult
 from harness.report.plots import chart
 from harness.report.plots.chart import FAINT, INK, Axis, Chart, Entry, Guide, Look, Plot, Subplot
 from harness.report.plots.style import engine_colours
 
-Finding = Mapping[str, Any]
 DISTANCES = {"t/distance": "distance", "t/offset": "offset of the scene", "t/radius": "radius of the sphere"}
 RATES = {"self/scale": "scale of the scene: self-hits", "leak/scale": "scale of the scene: light through a gap"}
 LINES: dict[str, Any] = {"sphere": "-", "triangle": "--", "mesh": "--", "gap 1e-03": "-", "gap 1e-05": "--", "gap 1e-07": ":"}
@@ -34,10 +34,10 @@ class Series(NamedTuple):
     precision: str
     kind: str
     x: np.ndarray
-    findings: list[Finding]
+    findings: list[CheckResult]
 
 
-def plots(findings: Sequence[Finding]) -> list[Plot]:
+def plots(findings: Sequence[CheckResult]) -> list[Plot]:
     """The two figures, as far as there are findings for them."""
     errors = _chart(findings, DISTANCES, ERRORS, _error_curves, [Guide(eps, colour=FAINT) for eps in EPSILONS.values()])
     shares = {0.0: "none", 1e-3: "0.001", 1e-2: "0.01", 1e-1: "0.1", 1.0: "all"}
@@ -63,13 +63,13 @@ def plots(findings: Sequence[Finding]) -> list[Plot]:
     return [Plot(*words, drawn) for *words, drawn in described if drawn is not None]
 
 
-def series(findings: Sequence[Finding], case: str) -> list[Series]:
+def series(findings: Sequence[CheckResult], case: str) -> list[Series]:
     """The curves of a case: one an engine, precision and kind of shape."""
-    groups: dict[tuple[str, str, str], list[tuple[float, Finding]]] = {}
+    groups: dict[tuple[str, str, str], list[tuple[float, CheckResult]]] = {}
     for finding in findings:
-        if finding["case"] == case and finding["outcome"] != "skip" and "," in finding["parameter"]:
-            kind, _, rest = finding["parameter"].partition(", ")
-            key = (finding["engine"], finding["precision"], kind)
+        if finding.case == case and finding.outcome != "skip" and "," in finding.parameter:
+            kind, _, rest = finding.parameter.partition(", ")
+            key = (finding.engine, finding.precision, kind)
             groups.setdefault(key, []).append((float(rest.split()[-1]), finding))
     found = []
     for key, points in sorted(groups.items()):
@@ -83,7 +83,7 @@ def _place(share: float) -> float:
 
 
 def _chart(
-    findings: Sequence[Finding],
+    findings: Sequence[CheckResult],
     cases: Mapping[str, str],
     y: Axis,
     curves_of: Callable[[Series, Look], list[chart.Series]],
@@ -114,7 +114,7 @@ def _look(curve: Series, colour: str) -> Look:
 
 
 def _error_curves(curve: Series, look: Look) -> list[chart.Series]:
-    medians, worst = (np.array([float(f[key]) for f in curve.findings]) for key in ("median_error", "error"))
+    medians, worst = (np.array([getattr(f, key) for f in curve.findings]) for key in ("median_error", "error"))
     name = f"{curve.engine} {curve.precision}, {curve.kind}"
     seen, missed = np.isfinite(medians), ~np.isfinite(worst)
     ends = np.column_stack([medians[seen].clip(LOWEST), np.where(missed, math.nan, worst)[seen].clip(LOWEST)])
@@ -126,9 +126,9 @@ def _error_curves(curve: Series, look: Look) -> list[chart.Series]:
 
 
 def _share_curves(curve: Series, look: Look) -> list[chart.Series]:
-    shares = np.array([float(f["error"]) / f["count"] if f["count"] else math.nan for f in curve.findings])
+    shares = np.array([f.error / f.count if f.count else math.nan for f in curve.findings])
     name = f"{curve.engine} {curve.precision}, {curve.kind}"
-    hover = {"scale": curve.x, "share": shares, "samples": [f["count"] for f in curve.findings]}
+    hover = {"scale": curve.x, "share": shares, "samples": [f.count for f in curve.findings]}
     return [chart.Series(curve.x, np.arcsinh(shares / LINEAR), look, name, hover=hover)]
 
 
@@ -138,6 +138,6 @@ def _entries(curves: Sequence[Series]) -> list[Entry]:
     precisions = sorted({curve.precision for curve in curves}, reverse=True)
     if len(precisions) > 1:
         entries += [Entry(name, Look(INK, "none", "o", name != "float32")) for name in precisions]
-    if any(math.isinf(float(finding["error"])) for curve in curves for finding in curve.findings):
+    if any(math.isinf(finding.error) for curve in curves for finding in curve.findings):
         entries.append(Entry("some rays miss", Look(INK, "none", "x")))
     return entries

@@ -11,6 +11,7 @@ import os
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from engines.choices import Choice
 from engines.errors import ConfigError
 from harness.report.plots.chart import FAINT, INK, LINES, MARKERS, Chart, Entry, Look, Subplot
 from harness.store.results import Contestant, Results, setting_text
@@ -35,7 +36,7 @@ class Palette:
 
     def __init__(self, results: Results) -> None:
         cells = [contestant.settings for contestant in results.contestants]
-        self.engines = engine_colours(str(cell.get("engine")) for cell in results.cells)
+        self.engines = engine_colours(cell.engine for cell in results.cells)
         self.samplers = sorted({settings.sampler for settings in cells})
         self.accelerators = sorted({settings.accelerator for settings in cells})
         self.threads = sorted({settings.threads for settings in cells})
@@ -80,10 +81,11 @@ class Palette:
         return entries
 
 
-def _short(value: str, among: Iterable[str]) -> str:
-    """A choice by its name alone, without its options, where no other has that name."""
-    name = value.partition("(")[0]
-    return name if [other.partition("(")[0] for other in among].count(name) == 1 else value
+def _short(value: Any, among: Iterable[Any]) -> Any:
+    """A choice by its name alone, without its options, where no other has that name; other values as they are."""
+    if not isinstance(value, Choice):
+        return value
+    return Choice(value.name) if [other.name for other in among].count(value.name) == 1 else value
 
 
 def engine_colours(names: Iterable[str]) -> dict[str, str]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 from engines.errors import ConfigError
@@ -20,7 +21,8 @@ from harness.statistics import Change, Equivalence, Estimate, change_of_errors, 
 from harness.statistics.equivalence import shared_alpha
 from harness.statistics.intervals import exp
 from harness.statistics.sessions import FEWEST_SESSIONS
-from harness.store.results import Contestant, Results, Settings, point_error
+from harness.store.records import BROKEN, Settings
+from harness.store.results import Contestant, Results, fixed_seconds, point_error
 
 TIMES = {"rise": "slower", "fall": "faster"}
 ERRORS = {"rise": "worse", "fall": "better"}
@@ -67,8 +69,9 @@ def changes(before: Sequence[Results], after: Sequence[Results], threshold: floa
     order = [(key.scene, ours[key][0][1].name) for key in common]
     table.rows.sort(key=lambda row: order.index((row["scene"], row["contestant"])))
     table.rows += [{**_who(ours[key]), "verdict": "scene changed"} for key in ours if key in theirs and key.scene in moved]
-    table.rows += [_only_before(ours[key], key, after) for key in sorted(ours.keys() - theirs.keys())]
-    table.rows += [{**_who(theirs[key]), "verdict": "only after"} for key in sorted(theirs.keys() - ours.keys())]
+    gone, new = (sorted(keys, key=Settings.order) for keys in (ours.keys() - theirs.keys(), theirs.keys() - ours.keys()))
+    table.rows += [_only_before(ours[key], key, after) for key in gone]
+    table.rows += [{**_who(theirs[key]), "verdict": "only after"} for key in new]
     return table
 
 
@@ -145,8 +148,8 @@ def _seen(results: Results, key: str) -> dict[str, set[str]]:
     """Scene -> the values of a key among its measured cells."""
     found: dict[str, set[str]] = {}
     for cell in results.cells:
-        if cell["state"] == "done":
-            found.setdefault(str(cell["scene"]), set()).add(str(cell.get(key)))
+        if cell.state == "done":
+            found.setdefault(cell.scene, set()).add(getattr(cell, key))
     return found
 
 
@@ -157,9 +160,9 @@ def _sessions_differ(before: Sequence[Results], after: Sequence[Results]) -> Non
         seen: dict[tuple[str, str, float], Results] = {}
         for results in side:
             for cell in results.cells:
-                if cell["state"] != "done" or not cell.get("points"):
+                if cell.state != "done" or not cell.points:
                     continue
-                own = str(cell["cell_id"]), str(cell.get("time")), float(cell["points"][-1]["seconds"])
+                own = cell.cell_id, cell.time, cell.end.seconds
                 if (other := seen.setdefault(own, results)) is not results:
                     raise ConfigError(f"{results.folder}: has measurements of {other.folder}: a session counts once")
 
@@ -173,7 +176,7 @@ def _by_key(*sides: Sequence[Results]) -> list[dict[Settings, list[tuple[Results
         for results in side:
             for contestant in results.contestants:
                 if contestant.done:
-                    key = matching(contestant.settings)._replace(machine=contestant.settings.machine if several else "")
+                    key = replace(matching(contestant.settings), machine=contestant.settings.machine if several else "")
                     groups.setdefault(key, []).append((results, contestant))
         found.append(groups)
     return found
@@ -181,7 +184,7 @@ def _by_key(*sides: Sequence[Results]) -> list[dict[Settings, list[tuple[Results
 
 def matching(settings: Settings) -> Settings:
     """What has to be equal for two contestants to be the same."""
-    return settings._replace(machine="", division="closed")
+    return replace(settings, machine="", division="closed")
 
 
 def _who(sessions: Sessions) -> dict[str, Any]:
@@ -195,16 +198,16 @@ def _only_before(old: Sessions, key: Settings, after: Sequence[Results]) -> dict
         for results in after
         for c in results.contestants
         for cell in c.cells
-        if key in (matching(c.settings), matching(c.settings)._replace(machine=c.settings.machine))
+        if key in (matching(c.settings), replace(matching(c.settings), machine=c.settings.machine))
     ]
-    failed = any(cell["state"] in ("failed", "timeout") for cell in cells)
+    failed = any(cell.state in BROKEN for cell in cells)
     return {**_who(old), "verdict": "failed" if failed else "only before", "regression": failed}
 
 
 def _compared(old: Sessions, new: Sessions) -> list[Compared]:
     def times(side: Sessions, start: bool) -> list[list[float]]:
         if start:
-            return [[c.fixed_seconds(cell) for cell in c.done] for _, c in side]
+            return [[fixed_seconds(cell) for cell in c.done] for _, c in side]
         return [list(seconds_per_sample(c).values()) for _, c in side]
 
     errors = change_of_errors(_errors(old, old, new), _errors(new, old, new), (len(old), len(new)))
@@ -237,11 +240,11 @@ def _errors(side: Sessions, old: Sessions, new: Sessions) -> dict[int, float]:
     if len({results.metric for results, _ in (*old, *new)}) > 1:
         return {}
     return {
-        cell["seed"]: point_error(point, results.metric)[0]
+        cell.seed: point_error(point, results.metric)[0]
         for results, contestant in side
         for cell in contestant.done
-        for point in cell["points"]
-        if point["spp"] == spp
+        for point in cell.points
+        if point.spp == spp
     }
 
 

@@ -9,6 +9,7 @@ from harness.analysis import Analysis, Verdict
 from harness.analysis.columns import Column, Table
 from harness.analysis.equivalence import bound, margins_of, rests_on
 from harness.analysis.model import bias_sizes
+from harness.check_results import worst_per_check
 from harness.statistics import Equivalence, Estimate
 
 SCENE = Column("scene", "Scene that was rendered.")
@@ -115,7 +116,7 @@ def equivalence(analysis: Analysis) -> Table:
         }
         if pair.comparison is not None:
             row |= _bounds(pair.comparison.found, pair.comparison.replicates[0])
-            row |= {"verdict": verdict_text(pair.comparison.found), "rests_on": rests_on(pair.comparison)}
+            row |= {"verdict": pair.comparison.found.verdict, "rests_on": rests_on(pair.comparison)}
         table.rows.append(row)
     return table
 
@@ -129,23 +130,13 @@ def _margins(analysis: Analysis) -> str:
 
 
 def _bounds(found: Equivalence, images: int) -> dict[str, Any]:
-    if found.of_old_rule:
-        return {}
     values = {name: getattr(found, name) for name in ("image_bound", "tile_bound", "same_pixels")}
     x, y = found.worst_tile
     return {**values, "difference": Estimate(found.difference, found.low, found.high, images), "worst_tile": f"{x}, {y}"}
 
 
-def verdict_text(found: Equivalence) -> str:
-    """The verdict in a word; one by the rule of older archives says so."""
-    return "unresolved (old rule)" if found.of_old_rule else found.verdict
-
-
 def accuracy(analysis: Analysis) -> Table:
     """Results of the accuracy suite, where the config has `verify`: the worst of each check, and every failure."""
-    from harness.verify.suite import CheckResult
-    from harness.verify.summary import worst_per_check
-
     table = Table(
         "accuracy",
         "Accuracy",
@@ -164,8 +155,7 @@ def accuracy(analysis: Analysis) -> Table:
             Column("stands_for", "Results that the row stands for.", "count"),
         ],
     )
-    results = [CheckResult.model_validate(each) for each in analysis.results.check_results]
-    for result, others, _ in worst_per_check(results):
+    for result, others, _ in worst_per_check(analysis.results.check_results):
         row = {column.name: getattr(result, column.name) for column in table.columns[:-1]}
         table.rows.append(row | {"stands_for": others + 1})
     return table
@@ -178,8 +168,6 @@ def bias_text(verdict: Verdict) -> str:
         return "unknown"
     if bias.flags:
         return f"{'; '.join(_size(verdict, flag) for flag in bias.flags)}, flagged"
-    if math.isnan(bias.image_bound):
-        return "unknown (old rule)"
     return f"mean < {bound(bias.image_bound)}, tiles < {bound(bias.tile_bound)}"
 
 
@@ -191,7 +179,7 @@ def _size(verdict: Verdict, flag: str) -> str:
 def equivalence_text(verdict: Verdict) -> str:
     if verdict.baseline is None:
         return "baseline"
-    return verdict_text(verdict.equivalence) if verdict.equivalence is not None else "unknown"
+    return verdict.equivalence.verdict if verdict.equivalence is not None else "unknown"
 
 
 def who(verdict: Verdict) -> dict[str, Any]:

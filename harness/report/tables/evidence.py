@@ -16,7 +16,7 @@ def evidence(analysis: Analysis) -> str:
 
 
 def blocks_text(analysis: Analysis) -> str:
-    counts = sorted({len({cell["block"] for cell in verdict.contestant.done}) for verdict in analysis.verdicts})
+    counts = sorted({len({cell.block for cell in verdict.contestant.done}) for verdict in analysis.verdicts})
     if not counts:
         return ""
     text = f"{counts[-1]} block{'' if counts[-1] == 1 else 's'}" if len(counts) == 1 else f"{counts[0]} to {counts[-1]} blocks"
@@ -28,8 +28,7 @@ def blocks_text(analysis: Analysis) -> str:
 def contention_text(analysis: Analysis) -> str:
     """How many of the cells that count were contended, and of how many that is known."""
     cells = [cell for verdict in analysis.verdicts for cell in verdict.contestant.done]
-    found = [(cell.get("machine") or {}).get("contended") for cell in cells]
-    judged = [bool(contended) for contended in found if contended is not None]
+    judged = [cell.machine.contended for cell in cells if cell.machine.contended is not None]
     if not judged:
         return "Contention was not measured." if cells else ""
     if not any(judged):

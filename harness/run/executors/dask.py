@@ -198,7 +198,7 @@ class Cluster:
         """Measures what a run has left to do, and contended cells again."""
         Blocks(recorder, self, recorder.ready()).run()
         known = {*self.machines()}
-        for cells in recorder.contended_again(lambda event: event.get("worker") in known):
+        for cells in recorder.contended_again(lambda event: event.worker in known):
             Blocks(recorder, self, cells, again=True).run()
 
     def submit(self, cell: Cell, request: Mapping[str, Any], address: str | None, share: float) -> Future:
@@ -278,7 +278,7 @@ class Blocks:
 
     def _home(self, cell: Cell) -> str | None:
         """The machine that must measure a cell; None: any."""
-        return self.recorder.latest[cell.cell_id].get("worker") if self.again else None
+        return self.recorder.latest[cell.cell_id].worker if self.again else None
 
     def run(self) -> None:
         """Until every cell has an event; where the run is to stop, until those under way have one."""
@@ -361,7 +361,7 @@ class Blocks:
 
     def _failed(self, cell: Cell, message: str, attempt: int) -> None:
         del self.left[cell.cell_id]
-        self.recorder.finish(cell, {**self.recorder.event(cell, "failed", message), "attempt": attempt})
+        self.recorder.finish(cell, self.recorder.event(cell, "failed", message, attempt=attempt))
 
     def _finish(self, future: Future) -> list[Future]:
         """Records what a machine has sent, and goes on with the cell that follows there."""
@@ -390,8 +390,8 @@ class Blocks:
         del self.left[cell.cell_id]
         event = recorder.measured_as(CellRecord(recorder, cell, env_id, task.attempt), result.again())
         if not self.timed:
-            event["machine"] = {**event["machine"], "contended": True}
-        recorder.finish(cell, {**event, "wall_seconds": result.wall_seconds, "worker": result.address})
+            event = event.replaced(machine=event.machine.replaced(contended=True))
+        recorder.finish(cell, event.replaced(wall_seconds=result.wall_seconds, worker=result.address))
 
     def _seconds_left(self) -> float:
         seconds = sum(seconds for seconds, _ in expected_seconds(self.left.values(), self.recorder.latest).values())

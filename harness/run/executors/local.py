@@ -15,7 +15,7 @@ from harness.run.recorder import CellRecord, Recorder
 def measure(recorder: Recorder, pool: Pool) -> None:
     """Measures cell after cell, and contended ones again; every block begins with fresh workers."""
     _measure(recorder, pool, recorder.ready(), again=False)
-    for cells in recorder.contended_again(lambda event: event["env_id"] == recorder.env_id):
+    for cells in recorder.contended_again(lambda event: event.env_id == recorder.env_id):
         _measure(recorder, pool, cells, again=True)
 
 
@@ -36,4 +36,4 @@ def _measure(recorder: Recorder, pool: Pool, cells: Sequence[Cell], again: bool)
         record = CellRecord(recorder, cell, recorder.env_id, attempt)
         with closing(pool.cell(cell.engine, cell.request(checkpoints), cell.budget.timeout_seconds)) as messages:
             event = recorder.measured_as(record, messages)
-        recorder.finish(cell, {**event, "wall_seconds": monotonic() - began})
+        recorder.finish(cell, event.replaced(wall_seconds=monotonic() - began))

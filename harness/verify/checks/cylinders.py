@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from engines.scene import Cylinder
-from harness.verify import oracle
+from harness.trace import oracle
 from harness.verify.case import Measurement, Section, measurement
 from harness.verify.replicates import STRATEGIES, means, z_score
 from harness.verify.scenes import FLOOR, ORIGIN, material, path_tracer, point_view

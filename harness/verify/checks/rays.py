@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from engines.scene import Plane
-from harness.verify import oracle
+from harness.trace import oracle
 from harness.verify.case import Measurement, Section, measurement
 from harness.verify.scenes import box, sphere
 from harness.verify.subject import Subject

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from harness.verify import oracle
+from harness.trace import oracle
 from harness.verify.case import Array, Measurement, Section, measurement
 from harness.verify.scenes import normalize, sphere
 from harness.verify.subject import Subject

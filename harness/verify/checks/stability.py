@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from engines.scene import Shape
-from harness.verify import oracle
+from harness.trace import oracle
 from harness.verify.case import Array, Measurement, Section, measurement
 from harness.verify.checks.spawned_rays import leaking, self_intersecting, view
 from harness.verify.scenes import mesh, normalize, sphere, sphere_mesh, triangle

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from engines.scene import Mesh, Triangle
-from harness.verify import oracle
+from harness.trace import oracle
 from harness.verify.case import Array, Measurement, Section, measurement
 from harness.verify.scenes import (
     FLOOR,

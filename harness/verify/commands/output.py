@@ -14,12 +14,11 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table as Printed
 
+from harness.check_results import FAIL, OUTCOMES, PASS, SKIP, XFAIL, CheckResult, counts, counts_text, worst_per_check
 from harness.report.tables import Column, Table
 from harness.report.tables.model import csv_text, latex_text, number_text
 from harness.store.atomic import write_text
 from harness.verify.results_file import document
-from harness.verify.suite import FAIL, OUTCOMES, PASS, SKIP, XFAIL, CheckResult
-from harness.verify.summary import counts, counts_text, worst_per_check
 from harness.verify.tolerances import TOLERANCES
 
 if TYPE_CHECKING:
@@ -79,7 +78,7 @@ def write(results: Sequence[CheckResult], folder: Path, quick: bool) -> None:
     from harness.report.plots.style import formats
 
     folder.mkdir(parents=True, exist_ok=True)
-    plots = stability.plots([dict(result) for result in results])
+    plots = stability.plots(results)
     write_files(plots, folder / "plots")
     pictures = [picture(plot) for plot in plots] if formats() else []
     texts = {

@@ -11,6 +11,7 @@ from rich.console import Console
 
 from engines import registry
 from engines.errors import ConfigError, UnknownName
+from harness.check_results import FAIL, SKIP, CheckResult, counts, counts_text
 from harness.config.settings import require_imports
 from harness.console import consoles
 from harness.measure.machine import usable_cores
@@ -19,8 +20,7 @@ from harness.run.progress import duration
 from harness.store import make_out
 from harness.verify.commands import output
 from harness.verify.parallel import EngineInfo, FinishedJob, Job, describe_engines, make_jobs, run_jobs
-from harness.verify.suite import CASES, FAIL, SKIP, CheckResult, case_names, select_cases
-from harness.verify.summary import counts, counts_text
+from harness.verify.suite import CASES, case_names, select_cases
 
 DEFAULT_ENGINES = ("numpy", "numba", "embree")
 ALL = "all"

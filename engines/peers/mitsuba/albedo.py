@@ -1,0 +1,93 @@
+"""What the shader albedo shows, as a scene of diffuse surfaces."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from engines.peers.mitsuba.textures import is_texture, largest, scaled
+from engines.scene import (
+    BLACK,
+    WHITE,
+    Blend,
+    Bsdf,
+    Bump,
+    Color,
+    Conductor,
+    Dielectric,
+    Diffuse,
+    Mask,
+    Material,
+    Mixture,
+    NormalMap,
+    Null,
+    Plastic,
+    Principled,
+    Scene,
+    Sides,
+    ThinDielectric,
+)
+from engines.scene.bsdf_tree import members
+
+
+def painted(scene: Scene) -> tuple[Scene, float]:
+    """The scene in the dark with all surfaces diffuse, of the colours that the shader albedo shows, and what to multiply by.
+
+    Shapes are not identified by `shape_index` of the scalar variant: its values were wrong for all shapes of one scene.
+    """
+    shown = [_shown(material.as_bsdf, material) for material in scene.materials]
+    scale = max([1.0, *(largest(part.reflectance) for bsdf in shown for part in members(bsdf) if isinstance(part, Diffuse))])
+    materials = tuple(
+        Material(material.name, bsdf=_divided(bsdf, scale)) for material, bsdf in zip(scene.materials, shown, strict=True)
+    )
+    return replace(scene, materials=materials, lights=()), scale
+
+
+def albedo_lacks(scene: Scene) -> str | None:
+    """One sentence on what Mitsuba cannot show of the scene, or None."""
+    for material in scene.materials:
+        of_textures = (is_texture(color) for part in members(material.as_bsdf) for color in _colors(part))
+        if material.emits and any(of_textures):
+            return f"material {material.name!r}: Mitsuba's albedo has no emission where a texture is black"
+    return None
+
+
+def _shown(bsdf: Bsdf, material: Material) -> Bsdf:
+    if isinstance(bsdf, (Mask, Bump, NormalMap)):
+        return _shown(bsdf.of, material)
+    if isinstance(bsdf, Blend):
+        return Blend(bsdf.weight, _shown(bsdf.a, material), _shown(bsdf.b, material))
+    if isinstance(bsdf, Sides):
+        sides = (None if side is None else _shown(side, material) for side in (bsdf.front, bsdf.back))
+        return Sides(*(Diffuse(material.emission) if side is None else side for side in sides))
+    colors = (*_colors(bsdf), material.emission)
+    return Diffuse(next((color for color in colors if largest(color) > 0.0), BLACK))
+
+
+def _colors(part: Bsdf) -> tuple[Color, ...]:
+    """The colours of a model, of which the first that is not black counts."""
+    if isinstance(part, Mixture):
+        return part.kd, part.ks, part.kt
+    if isinstance(part, Conductor):
+        eta, k = np.array(part.eta), np.array(part.k)
+        return (scaled(part.reflectance, ((eta - 1.0) ** 2 + k**2) / ((eta + 1.0) ** 2 + k**2)),)
+    if isinstance(part, Diffuse):
+        return (part.reflectance,)
+    if isinstance(part, (Dielectric, ThinDielectric)):
+        return (part.transmittance,)
+    if isinstance(part, Plastic):
+        return (part.diffuse,)
+    if isinstance(part, Principled):
+        return (part.base_color,)
+    return (WHITE,) if isinstance(part, Null) else ()
+
+
+def _divided(bsdf: Bsdf, scale: float) -> Bsdf:
+    if isinstance(bsdf, Blend):
+        return Blend(bsdf.weight, _divided(bsdf.a, scale), _divided(bsdf.b, scale))
+    if isinstance(bsdf, Sides):
+        assert bsdf.front is not None and bsdf.back is not None
+        return Sides(_divided(bsdf.front, scale), _divided(bsdf.back, scale))
+    assert isinstance(bsdf, Diffuse)
+    return bsdf if scale == 1.0 else Diffuse(scaled(bsdf.reflectance, 1.0 / scale))

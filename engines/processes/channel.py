@@ -1,0 +1,171 @@
+"""One end of a connection between two processes: messages of bytes in frames, and large buffers or a descriptor beside them.
+
+A frame is a mark, the number of buffers and the size of the message; then the sizes of the buffers, the message, the buffers.
+The mark shows at once what is no message: an engine shares the process that sends, and may write to any descriptor.
+`multiprocessing.connection` frames messages, too, but once one has begun it waits for the rest whatever the deadline, and to
+import it takes longer than to start Python.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import socket
+import struct
+import threading
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+BUFFER_BYTES = 1 << 20
+"""Of a socket: with Linux' 208 KiB both processes must wake up several times for a frame of pixels."""
+MARK = b"rayb"
+HEAD = struct.Struct("<4sIQ")
+_SIZE = struct.Struct("<Q")
+_SHOWN = 80
+
+Pause = Callable[[], float]
+"""Called while nothing comes: returns the seconds until its next call, or raises to give up."""
+
+
+class Closed(Exception):
+    """The other end has gone."""
+
+
+class BadMessage(Exception):
+    """Something that is no message; says what was found and what is expected."""
+
+
+class Message(NamedTuple):
+    """What was received: the bytes of a message, and the buffers beside it."""
+
+    data: bytearray
+    beside: Sequence[bytearray]
+
+
+class Channel:
+    """One end of a pair of sockets. Messages may be sent from any thread; one thread at a time receives."""
+
+    def __init__(self, connection: socket.socket, most_bytes: int | None = None) -> None:
+        """`most_bytes` is the size of the largest message that is received; None: any."""
+        self._socket, self._most_bytes = connection, most_bytes
+        self._sending = threading.Lock()
+        self._poll = select.poll()
+        self._poll.register(connection, select.POLLIN)
+
+    @classmethod
+    def at(cls, descriptor: int) -> Channel:
+        """The end that a process was started with; programs that it starts do not have it."""
+        os.set_inheritable(descriptor, False)
+        return cls(socket.socket(fileno=descriptor))
+
+    @property
+    def socket(self) -> socket.socket:
+        return self._socket
+
+    def fileno(self) -> int:
+        return self._socket.fileno()
+
+    def close(self) -> None:
+        self._socket.close()
+
+    def send(self, data: bytes, beside: Sequence[memoryview] = (), descriptor: int | None = None) -> None:
+        """Sends a message, the buffers beside it, and a file descriptor after them. Raises `Closed`."""
+        try:
+            with self._sending:
+                self._socket.sendall(framed(data, beside))
+                for buffer in beside:
+                    self._socket.sendall(buffer)
+                if descriptor is not None:
+                    socket.send_fds(self._socket, [b"."], [descriptor])
+        except OSError as error:
+            raise Closed from error
+
+    def receive(self, pause: Pause | None = None) -> Message:
+        """The next message. Raises `Closed`, `BadMessage`, and what `pause` raises."""
+        head = bytearray()
+        while len(head) < HEAD.size:
+            head += self._some(HEAD.size - len(head), pause)
+            if not head.startswith(MARK[: len(head)]):
+                with contextlib.suppress(OSError):
+                    head += self._socket.recv(_SHOWN, socket.MSG_DONTWAIT)
+                raise not_a_message(head)
+        count, size = sizes(head)
+        if self._most_bytes is not None and max(size, count) > self._most_bytes:
+            start = self._exactly(min(size, _SHOWN), pause)
+            raise BadMessage(f"it sent a message of more than {self._most_bytes >> 20} MiB: {excerpt(start)}")
+        beside = [_SIZE.unpack(self._exactly(_SIZE.size, pause))[0] for _ in range(count)]
+        return Message(self._exactly(size, pause), [self._exactly(each, pause) for each in beside])
+
+    def receive_descriptor(self, pause: Pause | None = None) -> int:
+        """The file descriptor that follows a message. Raises `Closed`."""
+        self._wait(pause)
+        try:
+            descriptors = socket.recv_fds(self._socket, 1, 1)[1]
+        except OSError as error:
+            raise Closed from error
+        if not descriptors:
+            raise Closed
+        return descriptors[0]
+
+    def _exactly(self, size: int, pause: Pause | None) -> bytearray:
+        data = bytearray(size)
+        view = memoryview(data)
+        while view:
+            self._wait(pause)
+            try:
+                count = self._socket.recv_into(view)
+            except OSError as error:
+                raise Closed from error
+            if not count:
+                raise Closed
+            view = view[count:]
+        return data
+
+    def _some(self, most: int, pause: Pause | None) -> bytes:
+        self._wait(pause)
+        try:
+            data = self._socket.recv(most)
+        except OSError as error:
+            raise Closed from error
+        if not data:
+            raise Closed
+        return data
+
+    def _wait(self, pause: Pause | None) -> None:
+        milliseconds = None if pause is None else 0.0
+        while not self._poll.poll(milliseconds):
+            assert pause is not None
+            milliseconds = 1e3 * pause()
+
+
+def pair() -> tuple[socket.socket, socket.socket]:
+    """Two connected sockets, with room for a frame of pixels where the system grants it."""
+    both = socket.socketpair()
+    for each in both:
+        each.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER_BYTES)
+    return both
+
+
+def framed(data: bytes, beside: Sequence[memoryview] = ()) -> bytes:
+    """A message as it is sent, without the buffers that follow it."""
+    return HEAD.pack(MARK, len(beside), len(data)) + b"".join(_SIZE.pack(each.nbytes) for each in beside) + data
+
+
+def sizes(head: bytes | bytearray) -> tuple[int, int]:
+    """The number of buffers beside a message and the size of the message, of the `HEAD` of its frame. Raises `BadMessage`."""
+    mark, count, size = HEAD.unpack(head)
+    if mark != MARK:
+        raise not_a_message(head)
+    return count, size
+
+
+def not_a_message(data: bytes | bytearray) -> BadMessage:
+    """The error for data that is no message."""
+    return BadMessage(f"it wrote {excerpt(data)} where messages are sent: engines may print to stdout only")
+
+
+def excerpt(data: bytes | bytearray) -> str:
+    """The beginning of what was received, as text: of its first line, at most 80 bytes."""
+    line = bytes(data).partition(b"\n")[0]
+    return repr(line[:_SHOWN].decode("utf-8", "replace")) + ("..." if len(line) > _SHOWN else "")

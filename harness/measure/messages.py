@@ -1,0 +1,128 @@
+"""The messages between a measuring worker and its parent; an engine shares the worker's process, so that they are checked."""
+
+from __future__ import annotations
+
+import os
+from typing import NamedTuple, TypeVar
+
+from engines.processes import Channel, Closed, records
+from engines.processes.records import Count, Counts, Fields, Flag, Integer, Items, Numbers, Seconds, SecondsOrNone, Text, Window
+
+MOST_BYTES = 1 << 24
+"""Of one message."""
+MOST_CHARACTERS = 2000
+"""Of a text that an engine's process sends for people to read."""
+T = TypeVar("T")
+
+
+class Job(NamedTuple):
+    """To the worker: calls `function`, module:function, with the engine, the `request` and the parent's end."""
+
+    function: Text
+    request: Fields
+
+
+class Go(NamedTuple):
+    """To the worker: the film has been used."""
+
+
+class Imported(NamedTuple):
+    """The engine is there after `seconds`; `code` is a hash of its sources. `forks`: every job gets a process of its own."""
+
+    seconds: Seconds
+    version: Text
+    code: Text
+    forks: Flag
+
+
+class Prepared(NamedTuple):
+    """The phases of a cold start."""
+
+    load_seconds: Seconds
+    build_seconds: Seconds
+    compile_seconds: Seconds
+
+
+class Point(NamedTuple):
+    """A checkpoint, whose film waits in the request's file; the worker waits for `Go`.
+
+    `seconds` and `rays` as in `clock.Point`. `window`: when its timed call began and ended, by `monotonic`; `alive`: the
+    threads that there were after it.
+    """
+
+    spp: Count
+    seconds: Seconds
+    rays: SecondsOrNone = None
+    overshoots: Flag = False
+    window: Window = (0.0, 0.0)
+    alive: Counts = ()
+
+
+class Traced(NamedTuple):
+    """A set of rays was traced `passes` times in `seconds`; the answers wait in the request's file."""
+
+    seconds: Seconds
+    passes: Count
+    window: Window = (0.0, 0.0)
+    alive: Counts = ()
+
+
+class Results(NamedTuple):
+    """What a job of another room has found."""
+
+    results: Items
+
+
+class End(NamedTuple):
+    """A job is done. `machine`: what disturbed its timed calls, see `contention`."""
+
+    counters: Numbers
+    machine: Fields
+    warm_build_seconds: SecondsOrNone = None
+
+
+class Failed(NamedTuple):
+    """A job failed, or the import did."""
+
+    message: Text
+
+
+class Unwritten(NamedTuple):
+    """A film could not be handed over, which is no failure of the engine."""
+
+    message: Text
+
+
+class Idle(NamedTuple):
+    """The process of a job has ended with this status, negative for a signal."""
+
+    status: Integer
+
+
+ANSWERS = (Imported, Prepared, Point, Traced, Results, End, Failed, Unwritten, Idle)
+Answer = Imported | Prepared | Point | Traced | Results | End | Failed | Unwritten | Idle
+
+
+def answer_of(data: bytes | bytearray) -> Answer:
+    """A worker's message. Raises `BadMessage`."""
+    answer: Answer = records.decoded(data, ANSWERS)
+    if isinstance(answer, (Failed, Unwritten)):
+        return answer._replace(message=" ".join(answer.message.split())[:MOST_CHARACTERS])
+    return answer
+
+
+class Parent:
+    """The parent's end of a worker's channel. Where it has gone, the process that asks it ends."""
+
+    def __init__(self, channel: Channel) -> None:
+        self._channel = channel
+
+    def send(self, answer: Answer) -> None:
+        self._channel.send(records.encoded(answer))
+
+    def receive(self, expected: type[T]) -> T:
+        """The next request, of this type."""
+        try:
+            return records.decoded(self._channel.receive().data, [expected])
+        except Closed:
+            os._exit(0)
