@@ -62,8 +62,10 @@ VERDICT_CLASSES = {
 }
 
 
-def report_html(analysis: Analysis, tables: list[Table], plots: Sequence[Plot | Picture]) -> str:
-    """The whole report as one document."""
+def report_html(
+    analysis: Analysis, tables: Sequence[Table], plots: Sequence[Plot | Picture], problems: Sequence[str] = ()
+) -> str:
+    """The whole report as one document. `problems` say what is not in it."""
     cells = cell_table(analysis)
     sets, code = plot_sets(analysis, plots), library() if plots else ""
     left = MOST_BYTES - len(code) - sum(len(figure) for _, figures in sets for _, _, figure in figures) - 400 * len(cells.rows)
@@ -84,6 +86,7 @@ def report_html(analysis: Analysis, tables: list[Table], plots: Sequence[Plot | 
             pair_verdicts=_pair_verdicts(analysis),
             plot_sets=sets,
             library=code,
+            problems=problems,
             plot_files=bool(formats()),
             groups=groups,
             payload=_script_json(pictures),

@@ -65,7 +65,7 @@ def _quality_rows(verdicts: Sequence[Verdict], index: int, target: float, palett
     """Means with whiskers; below three blocks a dot a block, for there an interval says nothing."""
     timed = [(row, v, v.warm[index], v.cold[index]) for row, v in enumerate(verdicts) if math.isfinite(v.warm[index].value)]
     joins = np.array([(x, row) for row, _, warm, cold in timed for x in (warm.value, cold.value, math.nan)]).reshape(-1, 2)
-    found = [Series(*joins.T, Look(GRID, width=3), behind=True)]
+    found = [Series(joins[:, 0], joins[:, 1], Look(GRID, width=3), behind=True)]
     for engine in dict.fromkeys(verdict.contestant.settings.engine for verdict in verdicts):
         own = [row for row in timed if row[1].contestant.settings.engine == engine]
         for filled in (False, True) if own else ():

@@ -32,11 +32,10 @@ Described = tuple[str, str, str, Chart | None]
 def plots_of(analysis: Analysis) -> list[Plot]:
     """Those that the results allow."""
     palette = Palette(analysis.results)
+    warning = _mixture(analysis)
     of_panels = [each for panel in panels(analysis) for each in _of_a_panel(analysis, panel, palette)]
-    of_all = [
-        (*words, chart and replace(chart, warning=_mixture(analysis))) for *words, chart in _of_all_scenes(analysis, palette)
-    ]
-    found = [Plot(*words, chart) for *words, chart in (*of_panels, *of_all) if chart is not None]
+    of_all = [(*words, chart and replace(chart, warning=warning)) for *words, chart in _of_all_scenes(analysis, palette)]
+    found = [Plot(name, title, text, chart) for name, title, text, chart in (*of_panels, *of_all) if chart is not None]
     return [*found, *stability.plots(analysis.results.check_results)]
 
 

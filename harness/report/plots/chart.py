@@ -18,6 +18,10 @@ LINES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 1)))
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*", "<", ">")
 
 
+Columns = Mapping[str, Sequence[Any] | np.ndarray]
+"""Heading -> n values: what a reader is told of n marks."""
+
+
 class Look(NamedTuple):
     """How a series is drawn. `line`: one of `LINES`, or "none". `marker`: one of `MARKERS`, "x", or "" for none; hollow where
     not `filled`. `width` of the line and `size` of the marker are in points."""
@@ -52,7 +56,7 @@ class Series:
     look: Look
     name: str = ""
     label: str = ""
-    hover: Mapping[str, Sequence[Any]] = field(default_factory=dict)
+    hover: Columns = field(default_factory=dict)
     x_interval: np.ndarray | None = None
     y_interval: np.ndarray | None = None
     area: bool = False
@@ -73,7 +77,7 @@ class Bars:
     colour: str
     hatch: str
     label: str
-    hover: Mapping[str, Sequence[Any]]
+    hover: Columns
 
 
 class Axis(NamedTuple):

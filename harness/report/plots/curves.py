@@ -91,7 +91,8 @@ def pareto(analysis: Analysis, panel: Panel, palette: Palette) -> Chart | None:
         own = sorted((point for point in points if point.verdict is verdict), key=lambda p: (p.time.value, p.error.value))
         look = palette.look(verdict.contestant)
         places = np.array([(point.time.value, point.error.value) for point in own]).reshape(-1, 2)
-        lines.append(Series(*places.T, look._replace(marker="", width=0.8), verdict.contestant.name, opacity=0.45))
+        thin = look._replace(marker="", width=0.8)
+        lines.append(Series(places[:, 0], places[:, 1], thin, verdict.contestant.name, opacity=0.45))
         best = {id(point) for point, best in zip(points, front, strict=True) if best}
         beaten = [point for point in own if id(point) not in best]
         faint.append(_checkpoints(beaten, look._replace(filled=True, size=3), verdict, joined=False, opacity=0.25))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from harness.report.plots.chart import (
     Axis,
     Bars,
     Chart,
+    Columns,
     Guide,
     Look,
     Note,
@@ -253,7 +254,7 @@ def _whiskers(values: np.ndarray, ends: np.ndarray, colour: str) -> Json:
     return WHISKERS | {"type": "data", "arrayminus": below, "array": above, "color": colour}
 
 
-def _hover(name: str, columns: Mapping[str, Sequence[Any]], colour: str) -> Json:
+def _hover(name: str, columns: Columns, colour: str) -> Json:
     """The text beside the pointer: the name, then a line a column."""
     if not columns:
         return {"hoverinfo": "skip"}

@@ -60,7 +60,7 @@ def plots(findings: Sequence[CheckResult]) -> list[Plot]:
             _chart(findings, RATES, y, _share_curves),
         ),
     ]
-    return [Plot(*words, drawn) for *words, drawn in described if drawn is not None]
+    return [Plot(name, title, text, drawn) for name, title, text, drawn in described if drawn is not None]
 
 
 def series(findings: Sequence[CheckResult], case: str) -> list[Series]:
