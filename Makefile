@@ -26,7 +26,7 @@ help:
 	@echo "make clean       remove the environment, the caches and $(OUT); other results and references stay"
 	@echo "make chapter     measure configs/dissertation.yaml and dahlquist.yaml (half an hour, on an idle machine), archive them and"
 	@echo "                 write the dissertation's missing chapter into results/dissertation/chapter"
-	@echo "make chapter-text  write it again from the archives and results/dissertation/prose.md, whose claims are checked"
+	@echo "make chapter-text  write it again from the archives and results/dissertation/prose.md; its claims are checked"
 	@echo "With another interpreter: make clean, then make bench PYTHON=python3.12"
 
 bench: .venv/.installed
@@ -65,8 +65,7 @@ chapter: .venv/.installed
 	@$(MAKE) chapter-text
 
 chapter-text: .venv/.installed
-	@$(BIN)/raybench report results/dissertation results/dahlquist --chapter results/dissertation/chapter \
-		--prose results/dissertation/prose.md
+	@$(BIN)/python results/dissertation/chapter.py
 
 docs: .venv/.installed-docs
 	@$(BIN)/python -m sphinx -q -W --keep-going -j auto docs docs/_build/html $(ARGS)

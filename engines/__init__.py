@@ -28,3 +28,7 @@ __all__ = [
     "save_scene",
     "scene_from",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -19,3 +19,7 @@ def __getattr__(name: str) -> Any:
     from harness.analysis import frames
 
     return frames.open_results
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

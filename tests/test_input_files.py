@@ -178,7 +178,7 @@ for read in (image.read_image, image.read_bitmap, image.read_provenance):
 
 WATCHED = """
 import json, os, sys
-import engines, engines.image, PIL.Image, OpenEXR, trimesh.exchange.ply, trimesh.exchange.stl
+import engines, engines.image, PIL.Image, OpenEXR
 PIL.Image.init()
 from engines.errors import SceneError
 opened, started = [], []

@@ -309,6 +309,12 @@ def test_the_public_names_are_there():
     assert exported() - {"register_tone_mapper"} <= defined
 
 
+def test_dir_shows_the_public_names_and_nothing_else():
+    script = "import engines, harness, engines.image, harness.store; print(dir(engines), dir(harness))"
+    done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == f"{sorted(exported())} ['open_results']"
+
+
 def test_the_top_level_is_the_fixed_one():
     listing = ["git", "ls-files", "--cached", "--others", "--exclude-standard"]
     listed = subprocess.run(listing, cwd=ROOT, capture_output=True, text=True, check=False)

@@ -188,14 +188,6 @@ def report(
             help="Write a chapter into this folder instead: tables and figures, with a section for each results folder.",
         ),
     ] = None,
-    prose: Annotated[
-        Optional[Path],  # noqa: UP045
-        typer.Option(
-            metavar="FILE",
-            help="The chapter's text, in Markdown: its tables, figures and numbers are those of the results, "
-            "and a claim that they do not support is an error.",
-        ),
-    ] = None,
     plot: Annotated[
         Optional[list[str]],  # noqa: UP045
         typer.Option(metavar="NAME", help="Show a plot of your own, too: module:function, or a name that a plugin registers."),
@@ -213,11 +205,11 @@ def report(
 
     own = [*(("plot", name) for name in plot or ()), *(("table", name) for name in table or ())]
     if chapter is None:
-        results.report(folders or [], prose, own, allow_imports)
+        results.report(folders or [], own, allow_imports)
     elif own:
         raise ConfigError(f"--{own[0][0]} {own[0][1]}: is for a report: a chapter has none")
     else:
-        results.chapter(folders or [], chapter, prose)
+        results.chapter(folders or [], chapter)
 
 
 @command(RESULTS)

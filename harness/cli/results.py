@@ -48,12 +48,8 @@ def _plugins(own: Sequence[tuple[str, str]], allow_imports: bool) -> list[Plugin
     return [plugin(kind, name) for kind, name in own]
 
 
-def report(
-    folders: Sequence[Path], prose: Path | None = None, own: Sequence[tuple[str, str]] = (), allow_imports: bool = False
-) -> None:
+def report(folders: Sequence[Path], own: Sequence[tuple[str, str]] = (), allow_imports: bool = False) -> None:
     """Writes everything derived from results folders anew, with plots and tables of the user's `own`: (kind, name)."""
-    if prose is not None:
-        raise ConfigError(f"--prose {prose}: is the text of a chapter: --chapter DIR is expected, too")
     if not folders:
         raise ConfigError("report: a results folder is missing")
     for folder in folders:
@@ -72,7 +68,7 @@ def report(
         consoles()[0].print(f"Report: {folder / 'report.html'}", soft_wrap=True)
 
 
-def chapter(folders: Sequence[Path], target: Path, prose: Path | None = None) -> None:
+def chapter(folders: Sequence[Path], target: Path) -> None:
     """Writes the chapter about results folders, in order."""
     from harness.report.chapter import write_chapter
 
@@ -82,13 +78,8 @@ def chapter(folders: Sequence[Path], target: Path, prose: Path | None = None) ->
         require_results(folder)
     if target.exists() and not target.is_dir():
         raise ConfigError(f"--chapter {target}: is a file; a folder is expected")
-    try:
-        for written in write_chapter(folders, target, prose):
-            consoles()[0].print(str(written), soft_wrap=True)
-    except ConfigError as error:
-        for problem in getattr(error, "problems", ())[1:]:
-            consoles()[1].print(problem, soft_wrap=True, markup=False, highlight=False)
-        raise
+    for written in write_chapter(folders, target):
+        consoles()[0].print(str(written), soft_wrap=True)
 
 
 def rescore(folder: Path, overrides: Sequence[str], command: Sequence[str]) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 
 import psutil
 
-LIBRARIES = ("numpy", "numba", "llvmlite", "embreex", "mitsuba", "trimesh", "scipy", "scikit-image")
+LIBRARIES = ("numpy", "numba", "llvmlite", "embreex", "mitsuba", "scipy", "scikit-image")
 SOURCES = ("engines/__init__.py", "harness/measure/machine.py")
 
 

@@ -76,10 +76,10 @@ def test_cell_against_bare_loop(benchmark, measured):
         bares.append(bare())
 
     benchmark.pedantic(one_round, rounds=ROUNDS)
-    assert [len(found["points"]) for found in cells] == [PASSES] * ROUNDS
-    on_the_clock = sum(found["points"][-1]["seconds"] for found in cells)
-    over_own = on_the_clock / sum(found["counters"]["inside_seconds"] for found in cells) - 1
-    over_bare = min(found["counters"]["least_cpu_seconds"] for found in cells) / min(bares) - 1
+    assert [len(found.points) for found in cells] == [PASSES] * ROUNDS
+    on_the_clock = sum(found.points[-1].seconds for found in cells)
+    over_own = on_the_clock / sum(found.counters["inside_seconds"] for found in cells) - 1
+    over_bare = min(found.counters["least_cpu_seconds"] for found in cells) / min(bares) - 1
     benchmark.extra_info.update(over_own_clock=over_own, over_bare_loop=over_bare)
     print(f"\non the clock beyond the engine's own {100 * over_own:.3f} %, a pass beyond a bare loop {100 * over_bare:+.2f} %")
     assert 0 <= over_own < 0.01

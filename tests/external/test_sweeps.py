@@ -36,8 +36,8 @@ def swept(tmp_path_factory):
 
 def test_every_mishap_is_a_state_and_the_sweep_goes_on(swept):
     _, out, outcome, _ = swept
-    found = {e["engine"]: e for e in store.latest_cells(store.read_events(out)).values()}
-    states = {name.removeprefix("a_renderer_"): event["state"] for name, event in found.items()}
+    found = {e.engine: e for e in store.latest_cells(store.read_events(out)).values()}
+    states = {name.removeprefix("a_renderer_"): event.state for name, event in found.items()}
     assert states == {
         "well": "done",
         "crash": "failed",
@@ -46,19 +46,19 @@ def test_every_mishap_is_a_state_and_the_sweep_goes_on(swept):
         "hang": "timeout",
         "missing": "skipped",
     }
-    assert "no program 'no_such_program'" in found["a_renderer_missing"]["message"]
-    assert found["a_renderer_crash"]["message"] == "a_renderer_crash: the program ended with status 3: the tree fell over"
+    assert "no program 'no_such_program'" in found["a_renderer_missing"].message
+    assert found["a_renderer_crash"].message == "a_renderer_crash: the program ended with status 3: the tree fell over"
     assert outcome.states == {"done": 1, "failed": 3, "timeout": 1, "skipped": 1}
 
 
 def test_the_seconds_are_those_of_the_processes_alone(swept):
     _, out, _, wall = swept
-    (event,) = [e for e in store.latest_cells(store.read_events(out)).values() if e["state"] == "done"]
-    assert [point["spp"] for point in event["points"]] == [1, 2, 4, 8]
-    assert 0 < event["points"][-1]["seconds"] < wall
-    assert event["points"][-1]["seconds"] == pytest.approx(event["counters"]["told_seconds"])
-    assert "/" not in event["spec"]["engine"] and event["engine_version"].startswith("1-")
-    assert event["command"].endswith("--allow-commands")
+    (event,) = [e for e in store.latest_cells(store.read_events(out)).values() if e.state == "done"]
+    assert [point.spp for point in event.points] == [1, 2, 4, 8]
+    assert 0 < event.points[-1].seconds < wall
+    assert event.points[-1].seconds == pytest.approx(event.counters["told_seconds"])
+    assert "/" not in event.spec["engine"] and event.engine_version.startswith("1-")
+    assert event.command.endswith("--allow-commands")
 
 
 def test_no_program_outlives_its_timeout(swept):

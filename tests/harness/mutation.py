@@ -54,6 +54,7 @@ WRONG = (
 def write_whole(folder: Path) -> Path:
     """A small results folder in which every kind of event stands."""
     from harness.analysis import analyse, archived_verdicts
+    from harness.store.events import line_of
     from harness.store.results import load_results
     from tests.harness.synthetic import Size, write_folder
 
@@ -143,7 +144,7 @@ def write_whole(folder: Path) -> Path:
     manifest |= {"name": "synthetic", "cell_ids": ids, "verify_job_ids": ["x0"]}
     manifest["config"] |= {"combinations": combinations, "baseline": "numba"}
     (folder / store.MANIFEST).write_text(json.dumps(manifest))
-    write_events(folder, [*kept, archived_verdicts.event(analyse(load_results(folder)))])
+    write_events(folder, [*kept, json.loads(line_of(archived_verdicts.archived(analyse(load_results(folder)))))])
     return folder
 
 

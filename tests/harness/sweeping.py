@@ -111,8 +111,8 @@ def rows(folder: Path) -> dict[str, Any]:
     """What a run measured, without what differs between two equal runs: times and order of events."""
     found = {}
     for cell_id, event in store.latest_cells(store.read_events(folder)).items():
-        points = [(point["spp"], point["rays"], point["metrics"]) for point in event["points"]]
-        found[cell_id] = (event["state"], event["engine"], event["seed"], event["block"], event["order"], points)
+        points = [(point.spp, point.rays, point.metrics) for point in event.points]
+        found[cell_id] = (event.state, event.engine, event.seed, event.block, event.order, points)
     return found
 
 

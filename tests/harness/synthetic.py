@@ -5,10 +5,17 @@ block. `embree` is 3 % too bright on `two_spheres`. One cell failed, one timed o
 """
 
 import json
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+
+from harness.store import validation
+from harness.store.events import line_of
+from harness.store.records import Manifest
+from harness.store.results import Results, results_of
+from harness.store.validation import FORMAT_VERSION
 
 SLOPES = {"random": -0.5, "sobol": -0.7}
 SECONDS_PER_SPP = {"numpy": 0.4, "numba": 0.02, "embree": 0.0125}
@@ -60,11 +67,9 @@ def write_folder(folder: Path, size: Size = SMALL, seeds: int = 5, with_images: 
     events += [write_reference(folder, scene, size, rng) for scene in SCENES]
     drift = rng.lognormal(0, 0.05, seeds)
     for block in range(seeds):
-        events.append({"event": "sentinel", "block": block, "seconds": 0.2 * float(drift[block])})
         for case in rng.permutation(np.array(list(cases(threads)), dtype=object)):
             cell = done_cell(folder, tuple(case), block, float(drift[block]), size, rng, with_images)
-            sentinel = 0.2 * float(drift[block]) * rng.lognormal(0, 0.01)
-            events.append(cell | {"order": len(events), "sentinel_seconds": sentinel})
+            events.append(cell | {"order": len(events)})
         events += troubles(block, size)
     with (folder / "events.jsonl").open("w") as file:
         file.writelines(json.dumps(event) + "\n" for event in events)
@@ -76,6 +81,12 @@ def write_reported(folder: Path) -> Path:
     from harness.report import write_derived
 
     return write_derived(write_folder(folder, Size(64, 48), seeds=3))
+
+
+def arranged(folder: Path, events: Iterable[Mapping[str, Any]], config: Mapping[str, Any] | None = None) -> Results:
+    """The results of events that are plain data, and of a manifest that has no more than this of a config."""
+    manifest = Manifest(raybench_results=FORMAT_VERSION, config=dict(config or {}))
+    return results_of(folder, manifest, [validation.event(event, "an event") for event in events])
 
 
 def cases(threads):
@@ -120,7 +131,6 @@ def base_cell(case, block, size):
         "smooth_sampler": sampler == "random",
         "reproducible": True,
         "machine": {"load_1m": 0.5, "steal_seconds": 0.0, "involuntary_switches": 3, "contended": False},
-        "sentinel_seconds": 0.2,
     }
 
 
@@ -190,7 +200,7 @@ def troubles(block, size):
 
 def manifest():
     return {
-        "raybench_results": 2,
+        "raybench_results": FORMAT_VERSION,
         "config": {
             "raybench_experiment": 1,
             "name": "synthetic",
@@ -232,7 +242,7 @@ def write_reference(folder, scene, size, rng):
     for _ in range(2):
         film.add(truth + rng.normal(0, 0.004, truth.shape) * np.sqrt(truth))
     references._save(wanted.folder(folder / "references"), wanted, film, 60.0)
-    return references.event(wanted, folder / "references")
+    return json.loads(line_of(references.event(wanted, folder / "references")))
 
 
 def reference_asked(scene, size):

@@ -9,7 +9,7 @@ from harness.report.plots.accelerator_tradeoff import build_against_traverse
 from harness.report.plots.figures import figure
 from harness.report.tables import all_tables, cell_text
 from harness.store.results import results_of
-from tests.harness.synthetic import SMALL, done_cell
+from tests.harness.synthetic import SMALL, arranged, done_cell
 
 BUILD = {"none": 0.0, "grid": 0.5, "bvh": 2.0, "bad": 1.0}
 SECONDS_PER_SPP = {"none": 0.1, "grid": 0.05, "bvh": 0.02, "bad": 0.2}
@@ -27,7 +27,7 @@ def analysis(tmp_path_factory):
                 point["seconds"] = SECONDS_PER_SPP[name] * point["spp"] * (1 + 0.1 * block)
             cell["phases"]["build_seconds"] = BUILD[name] * drift
             cells.append(cell)
-    return analyse(results_of(folder, {}, cells))
+    return analyse(arranged(folder, cells))
 
 
 def test_each_is_judged_beside_the_quickest_build_and_breaks_even_when_it_should(analysis):
@@ -53,7 +53,7 @@ def test_the_plot_has_a_point_an_accelerator(analysis):
 
 
 def test_one_accelerator_alone_has_neither(analysis):
-    cells = [cell for cell in analysis.results.cells if cell["accelerator"]["name"] == "bvh"]
-    alone = analyse(results_of(analysis.results.folder, {}, cells))
+    cells = [cell for cell in analysis.results.cells if cell.accelerator.name == "bvh"]
+    alone = analyse(results_of(analysis.results.folder, analysis.results.manifest, cells))
     assert "accelerators" not in {table.name for table in all_tables(alone)}
     assert build_against_traverse(alone, Palette(alone.results)) is None

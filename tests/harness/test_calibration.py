@@ -1,6 +1,5 @@
 """What `raybench calibrate` says is true: on noise of known size, in a run, in an archive and where a run is too small."""
 
-import json
 import math
 from dataclasses import replace
 
@@ -15,6 +14,8 @@ from harness.report.tables import all_tables
 from harness.statistics.bias import IMAGE_FLAG_Z, RadianceSample
 from harness.statistics.calibration import RaceNoise, bias_figures, race_figures, scaled_residuals
 from harness.statistics.tiles import TileSample
+from harness.store.events import line_of
+from harness.store.records import Calibration
 from harness.store.results import load_results
 from tests.harness import sweeping
 from tests.harness.synthetic import Size, write_folder
@@ -75,7 +76,7 @@ def folders(tmp_path_factory):
 
 def test_an_archive_without_images_keeps_the_figures_of_the_run(folders):
     ours, kept = (calibration.calibrate(analyse(load_results(folder))) for folder in folders)
-    assert ours.races is not None and ours.bias is not None and not ours.missed
+    assert ours.races is not None and ours.bias is not None and not calibration.missed(ours)
     assert calibration.figures(kept) == calibration.figures(ours) and calibration.rests_on(kept) == calibration.rests_on(ours)
 
 
@@ -107,9 +108,9 @@ def test_a_missed_figure_is_exit_code_1(folders, tmp_path):
     broken.mkdir()
     (broken / store.MANIFEST).write_bytes((out / store.MANIFEST).read_bytes())
     events = store.read_events(out)
-    kept = next(event for event in events if event["event"] == "calibration")
-    kept["races"]["coverage"] = 0.8
-    (broken / store.EVENTS).write_text("".join(json.dumps(event) + "\n" for event in events))
+    kept = store.last_event(events, Calibration)
+    narrow = kept.replaced(races=kept.races._replace(coverage=0.8))
+    (broken / store.EVENTS).write_bytes(b"".join(map(line_of, [*events, narrow])))
     done = sweeping.raybench("calibrate", broken)
     assert done.returncode == 1 and "missed" in done.stdout
 
@@ -117,7 +118,7 @@ def test_a_missed_figure_is_exit_code_1(folders, tmp_path):
 def test_a_run_that_is_too_small_is_told_so(tmp_path):
     folder = write_folder(tmp_path / "results", seeds=2, with_images=False, threads=(1,))
     found = calibration.calibrate(analyse(load_results(folder)))
-    assert found.races is None and found.bias is None and not found.missed
+    assert found.races is None and found.bias is None and not calibration.missed(found)
     words = [figure.value for figure in calibration.figures(found)]
     assert words == [f"unknown: {calibration.NO_RACES}", f"unknown: {calibration.NO_IMAGES}"]
 

@@ -42,35 +42,35 @@ def made(tmp_path):
 
 def test_an_engine_of_another_lineage_that_makes_the_same_image_certifies(made):
     _, found = made("Apart", spp=8192)
-    assert found["verdict"] == "equivalent" and found["image_bound"] < 0.005 and found["tile_bound"] < 0.05
-    assert found["difference"] != 0, "it draws other random numbers"
-    assert (found["lineage"], found["reference_lineage"]) == ("apart", "steady") and certifies(found)
+    assert found.verdict == "equivalent" and found.image_bound < 0.005 and found.tile_bound < 0.05
+    assert found.difference != 0, "it draws other random numbers"
+    assert (found.lineage, found.reference_lineage) == ("apart", "steady") and certifies(found)
     said = certificate_text(found)
     assert said.startswith("certified by fake_engines:Apart (12x8, 8192 spp): image means differ by at most 0.")
 
 
 def test_one_that_draws_the_same_numbers_needs_few(made):
     _, found = made("Other", spp=64)
-    assert found["verdict"] == "identical" and found["image_bound"] < 1e-12 and certifies(found)
+    assert found.verdict == "identical" and found.image_bound < 1e-12 and certifies(found)
 
 
 def test_a_brighter_engine_does_not(made):
     _, found = made("Brighter")
-    assert found["verdict"] == "different" and not certifies(found)
-    assert found["difference"] == pytest.approx(fake_engines.Brighter.factor - 1, abs=0.004)
+    assert found.verdict == "different" and not certifies(found)
+    assert found.difference == pytest.approx(fake_engines.Brighter.factor - 1, abs=0.004)
     assert "REFUTED" in certificate_text(found)
 
 
 def test_few_samples_are_unresolved(made):
     _, found = made("Apart", spp=8)
-    assert found["verdict"] == "unresolved" and not certifies(found)
+    assert found.verdict == "unresolved" and not certifies(found)
     said = certificate_text(found)
     assert said.startswith("uncertified: ") and "more samples are needed" in said
 
 
 def test_an_engine_that_cannot_says_why(made):
     _, found = made("Picky", spp=8)
-    assert found["verdict"] == "impossible" and certificate_text(found) == "uncertified: it never feels like it"
+    assert found.verdict == "impossible" and certificate_text(found) == "uncertified: it never feels like it"
 
 
 def test_one_with_bad_samples_makes_no_certificate(made):
@@ -83,7 +83,7 @@ def test_certifying_changes_no_id_and_a_certificate_is_found_again(made, tmp_pat
     (plain,) = planner.make(config.load(sweeping.write(tmp_path)), True).references.values()
     assert plain.reference_id == wanted.reference_id and plain.certifier is None
     again = certificates.existing(wanted, tmp_path / "refs")
-    assert again is not None and again["certificate_id"] == found["certificate_id"]
+    assert again is not None and again.certificate_id == found.certificate_id
     certificates.path_of(wanted, tmp_path / "refs").write_text("{")
     with pytest.raises(ConfigError, match="remove it to make it anew"):
         certificates.existing(wanted, tmp_path / "refs")
@@ -160,8 +160,8 @@ def test_a_run_records_it_once_and_the_report_says_it_first(tmp_path):
     path, out = sweeping.write(tmp_path, certified_by(fake("Brighter"))), tmp_path / "results" / "small"
     _, listener = sweeping.run(path, out, ["repeats=1"])
     sweeping.run(path, out, ["repeats=1"])
-    (event,) = [e for e in store.read_events(out) if e["event"] == "certificate"]
-    assert event["verdict"] == "different" and "machine" not in event
+    (event,) = [e for e in store.read_events(out) if e.event == "certificate"]
+    assert event.verdict == "different" and not hasattr(event, "machine")
     assert any("REFUTED" in note for note in listener.notes)
     text = write_derived(out).read_text()
     said = "The reference of ball is in doubt. REFUTED: fake_engines:Brighter"
@@ -175,11 +175,10 @@ def test_a_reference_without_a_certificate_is_uncertified_in_the_first_lines(tmp
     assert "uncertified: no engine of another lineage has made its image" in text
 
 
-def test_certificates_of_old_and_of_ones_own_lineage_certify_nothing():
-    old = {"verdict": "equivalent", "engine": "numba", "difference": 0.0, "low": 0.0, "high": 0.0}
-    assert not certifies(old) and "older rule" in certificate_text(old)
-    bounds = {"image_bound": 0.001, "tile_bound": 0.01, "spp": 8}
-    own = {**old, **bounds, "lineage": "raybench-kernels", "reference_lineage": "raybench-kernels"}
+def test_a_certificate_of_the_references_own_lineage_certifies_nothing(made):
+    _, found = made("Apart", spp=8192)
+    assert certifies(found)
+    own = found.replaced(lineage=found.reference_lineage)
     assert not certifies(own) and "own lineage" in certificate_text(own)
 
 
@@ -210,10 +209,9 @@ def test_a_stored_reference_with_bad_samples_is_refused(made, tmp_path):
     wanted, _ = made("Other", spp=8)
     folder = wanted.folder(tmp_path / "refs")
     meta = store.reference_files.meta_of(folder)
-    with np.load(folder / meta["file"]) as parts:
-        np.savez(folder / meta["file"], **{**parts, "bad_samples": np.array(2)})
-    meta["sha256"] = store.reference_files.checksum(folder / meta["file"])
-    store.write_json(folder / "reference.json", meta)
+    with np.load(folder / meta.file) as parts:
+        np.savez(folder / meta.file, **{**parts, "bad_samples": np.array(2)})
+    store.reference_files.write_meta(folder, meta.replaced(sha256=store.reference_files.checksum(folder / meta.file)))
     with pytest.raises(ConfigError, match="2 of this reference's samples are NaN or infinite"):
         store.reference_files.read(folder, wanted.reference_id, wanted.scene_hash)
 
@@ -224,7 +222,7 @@ def test_a_certificate_takes_as_many_pairs_of_images_as_time_allowed(tmp_path, m
     counts, rng = iter((5, 3)), np.random.default_rng(1)
     monkeypatch.setattr(certificates, "_images", lambda *given: list(rng.uniform(size=(next(counts), 8, 12, 3))))
     event = certificates.make(wanted, tmp_path, None, lambda done, count: None)
-    assert event["spp"] == 3 * wanted.certifier.spp and event["verdict"] in ("equivalent", "unresolved", "different")
+    assert event.spp == 3 * wanted.certifier.spp and event.verdict in ("equivalent", "unresolved", "different")
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
-"""The chapter says what the numbers say: its tables are theirs, and prose that claims something else is refused."""
+"""The chapter says what the numbers say: its tables are theirs, and claims that they do not bear out fail."""
 
+import importlib.util
 import json
 import re
 from html.parser import HTMLParser
@@ -9,10 +10,12 @@ from typing import Any
 import pytest
 
 from engines.errors import ConfigError
+from harness.analysis import analyse
 from harness.cli import results
-from harness.report.chapter import figures, write_chapter
+from harness.report.chapter import Facts, figures, filled, write_chapter
 from harness.report.chapter.document import Chapter, Listing, Paragraph, Section, html, latex, markdown
-from harness.report.chapter.prose import Disagreement
+from harness.statistics import Estimate
+from harness.store.results import load_results
 from tests.harness.synthetic import Size, base_cell, manifest, metrics
 
 SIZE = Size(20, 10)
@@ -137,103 +140,99 @@ def test_what_did_not_run_is_said(tmp_path):
     assert "numba brute force on hall: failed, out of rods." in text and "Of 13 cells, 12 done and 1 failed." in text
 
 
-# ---- prose -----------------------------------------------------------------------------------------------------------
+# ---- a text of one's own ---------------------------------------------------------------------------------------------
 
 
-def written(tmp_path, cells, text):
-    """The Markdown of a chapter with prose, about `cells`."""
+def composed(tmp_path, cells, text, usual=(), **values):
+    """The Markdown of a chapter of the template `text`, about `cells`."""
     folder = tmp_path / "results"
     if not folder.exists():
         folder_of(folder, with_twins(cells))
-    (tmp_path / "prose.md").write_text(text)
-    return write_chapter([folder], tmp_path / "chapter", tmp_path / "prose.md")[0].read_text().replace("\\", "")
+    (tmp_path / "text.md").write_text(text)
+
+    def compose(analyses, sections):
+        facts = Facts(analyses, usual)
+        functions = {name: getattr(facts, name) for name in dir(facts) if not name.startswith("_")}
+        return filled(tmp_path / "text.md", functions | values, sections)
+
+    return write_chapter([folder], tmp_path / "chapter", compose)[0].read_text().replace("\\", "")
 
 
-PROSE = """<!-- not shown -->
+def facts_of(tmp_path, cells, usual=()):
+    return Facts([analyse(load_results(folder_of(tmp_path / "results", with_twins(cells))))], usual)
+
+
+TEXT = """{# not shown #}
 # A chapter
-{usual}
+
 ## Speed
 
-{{{{table accelerators}}}}
+[table accelerators]
 
-The tree is fast. On hall it is faster than the grid{{{{claim faster("hall", "numba bvh",
-"numba grid")}}}}, by {{{{speedup("hall", "numba bvh", "numba grid")}}}}. That is all.
+On hall the tree is faster than the grid, by {{ speedup("hall",
+"numba bvh", "numba grid") }}. That is all.
 
-- It takes {{{{2 * 3}}}} words{{{{claim fastest("hall", "numba bvh") and
-  low(speedup("hall", "numba bvh", "numba grid")) > 1.5}}}}.
-- It has {{{{primitives("hall, numba bvh")}}}} primitives.
+- It takes {{ 2 * 3 }} words.
+- It has {{ primitives("hall, numba bvh") }} primitives
+  and {{ half }}.
 """
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_prose_holds_the_numbers_of_the_results(tmp_path):
-    text = written(tmp_path, accelerators(0.01, 0.02), PROSE.format(usual="\n{{usual sobol}}\n"))
+def test_a_text_holds_the_numbers_of_the_results(tmp_path):
+    text = composed(tmp_path, accelerators(0.01, 0.02), TEXT, ("sobol",), half=0.5)
     assert text.startswith("# A chapter\n\n## Speed\n\n### Samples per second") and "not shown" not in text
-    assert "On hall it is faster than the grid, by 2.00 (1.97 to 2.03). That is all." in text
-    assert "- It takes 6 words.\n- It has 1,234 primitives.\n" in text and "{{" not in text
+    assert "On hall the tree is faster than the grid, by 2.00 (1.97 to 2.03). That is all." in text
+    assert "- It takes 6 words.\n- It has 1,234 primitives and 0.500.\n" in text and "{{" not in text
 
 
-@pytest.mark.usefixtures("undrawn")
-def test_claims_that_do_not_hold_are_named_with_their_sentence_and_numbers(tmp_path):
-    with pytest.raises(Disagreement, match=r"prose.md: 2 of its statements do not stand on the results; the first: ") as caught:
-        written(tmp_path, accelerators(0.02, 0.01), PROSE.format(usual=""))
-    first, second = caught.value.problems
-    assert first == (
-        f'{tmp_path}/prose.md:8: "On hall it is faster than the grid…, by ….": the results do not say that '
-        "faster(\"hall\", \"numba bvh\", \"numba grid\"): faster('hall', 'numba bvh', 'numba grid') is slower on "
-        "hall, 0.500 (0.492 to 0.508)"
-    )
-    assert ':11: "It takes … words….": the results do not say that fastest(' in second and "is False" in second
+def test_claims_hold_only_where_the_results_bear_them_out(tmp_path):
+    facts = facts_of(tmp_path, accelerators(0.02, 0.01))
+    grid, bvh = (facts.speedup("hall", *pair) for pair in (("numba grid", "numba bvh"), ("numba bvh", "numba grid")))
+    assert grid.better and not bvh.better and bvh.greatest < 1 < grid.least
+    assert bvh.verdicts == "worse on hall, 0.500 (0.492 to 0.508)" and grid.verdicts.startswith("better on hall, 2.00 (")
+    assert facts.fastest("hall", "numba grid") and not facts.fastest(["hall"], "numba bvh")
 
 
 @pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize(
     ("code", "problem"),
     [
-        ("faster(", "faster(: is no expression"),
-        ("quicker('hall')", "quicker is unknown"),
-        ("speed.__class__", "speed.__class__ is no call, number, text, list or comparison"),
-        ("speed('attic')", "'attic' names no configurations: one is expected"),
+        ("speed(", "text.md:5: unexpected"),
+        ("quicker('hall')", "text.md:5: 'quicker' is undefined"),
+        ("speed('attic')", "text.md:5: 'attic' names no configurations: one is expected"),
         ("speed('hall')", "'hall' names 2 configurations (numba bvh; numba grid): one is expected"),
-        ("faster('hall', 'numba bvh', 'embree')", "'hall' with numba bvh and embree names no comparisons"),
+        ("speedup('hall', 'numba bvh', 'embree')", "'hall' with numba bvh and embree names no comparisons"),
         ("speed()", "missing 1 required positional argument"),
         ("1 / 0", "division by zero"),
-        ("build('hall, numba bvh')", "the results have no number for build('hall, numba bvh')"),
+        ("build('hall, numba bvh')", "text.md:5: the results have no number for it"),
     ],
 )
-def test_what_prose_cannot_ask_is_a_message(tmp_path, code, problem):
+def test_what_a_text_cannot_ask_is_a_message(tmp_path, code, problem):
     with pytest.raises(ConfigError, match=re.escape(problem)):
-        written(tmp_path, accelerators(0.01, 0.02), f"# A\n\n## B\n\nIt is {{{{{code}}}}}.\n")
+        composed(tmp_path, accelerators(0.01, 0.02), f"# A\n\n## B\n\nIt is {{{{ {code} }}}}.\n")
 
 
 @pytest.mark.usefixtures("undrawn")
 def test_an_unknown_table_and_an_unreadable_file_are_messages(tmp_path):
-    with pytest.raises(ConfigError, match=r"prose.md:5: .*no figure 'speed'"):
-        written(tmp_path, accelerators(0.01, 0.02), "# A\n\n## B\n\n{{figure speed}}\n")
-    with pytest.raises(ConfigError, match=r"none.md: cannot be read"):
-        write_chapter([tmp_path / "results"], tmp_path / "chapter", tmp_path / "none.md")
+    with pytest.raises(ConfigError, match=r"text.md: .*no figure 'speed'"):
+        composed(tmp_path, accelerators(0.01, 0.02), "# A\n\n## B\n\n[figure speed]\n")
+    with pytest.raises(ConfigError, match=r"none.md: "):
+        filled(tmp_path / "none.md", {}, [])
 
 
-@pytest.mark.usefixtures("undrawn")
 def test_samplers_are_compared_by_error_and_by_time(tmp_path):
     made = [
         cell("bvh", 0.01 * wobble(b), block=b, sampler=s, error=e * (1 + 0.01 * (-1) ** (b + i)))
         for b in range(4)
         for i, (s, e) in enumerate((("random", 0.03), ("sobol", 0.01)))
     ]
-    text = written(
-        tmp_path,
-        made,
-        """# A
-
-## B
-
-Sobol has the smaller error{{claim less_error("hall", "sobol", "random") and not less_error("hall", "random", "sobol")}}, by
-{{error_ratio("hall", "sobol", "random")}} at {{spp("hall", "sobol")}} samples, is sooner{{claim sooner("hall", "sobol",
-"random")}} at {{target("hall", "sobol")}}, and costs the same{{claim same_speed("hall", "sobol", "random")}}.
-""",
-    )
-    assert re.search(r"error, by 3\.00 \(2\.\d+ to 3\.\d+\) at 16 samples, is sooner at 0\.0500, and", text)
+    facts = facts_of(tmp_path, made)
+    errors = facts.error_ratio("hall", "sobol", "random")
+    assert errors.better and not facts.error_ratio("hall", "random", "sobol").better
+    assert re.fullmatch(r"3\.00 \(2\.\d+ to 3\.\d+\)", str(errors))
+    assert facts.time_ratio("hall", "sobol", "random").better
+    assert next(iter(facts.speedup("hall", "sobol", "random").found.values())).verdict == "same"
 
 
 ODD = Chapter("50 % & <more>", [Section("A_b", [Paragraph(["x < y & z_1 is 5 %."]), Listing(["# *one*"])])])
@@ -300,28 +299,57 @@ def test_a_chapter_needs_results(tmp_path):
         results.chapter([], tmp_path / "out")
     with pytest.raises(ConfigError, match="a results folder is missing"):
         results.report([])
-    with pytest.raises(ConfigError, match="is the text of a chapter: --chapter DIR is expected"):
-        results.report([tmp_path], tmp_path / "prose.md")
     folder = folder_of(tmp_path / "results", accelerators(0.01, 0.02))
     (tmp_path / "file").touch()
     with pytest.raises(ConfigError, match="is a file"):
         results.chapter([folder], tmp_path / "file")
 
 
-@pytest.mark.usefixtures("undrawn")
 def test_samplers_whose_curves_are_read_differently_are_not_separated_by_the_reading(tmp_path):
     same = [
         cell("bvh", 0.01 * wobble(b) * (1 + 0.001 * (-1) ** b), block=b, sampler=sampler)
         for b in range(4)
         for sampler in ("sobol", "random")
     ]
-    claim = "# A\n\nThey{{claim not sooner('hall', 'random', 'sobol')}} take {{time_ratio('hall', 'random', 'sobol')}}."
-    text = written(tmp_path, same, claim)
-    assert re.search(r"They take 1\.2\d ", text), "random is read between checkpoints, sobol at the next one"
+    times = facts_of(tmp_path, same).time_ratio("hall", "random", "sobol")
+    assert not times.better and 1.2 < times.least < 1.3, "random is read between checkpoints, sobol at the next one"
+
+
+@pytest.fixture(scope="module")
+def script():
+    """results/dissertation/chapter.py."""
+    spec = importlib.util.spec_from_file_location("dissertation_chapter", COMMITTED / "chapter.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_the_committed_chapter_is_what_its_prose_and_archives_say(tmp_path):
+def test_the_committed_chapter_is_what_its_script_and_archives_say(tmp_path, script):
     folders = [COMMITTED, COMMITTED.parent / "dahlquist"]
-    made = write_chapter(folders, tmp_path / "chapter", COMMITTED / "prose.md")[0]
+    made = write_chapter(folders, tmp_path / "chapter", script.compose)[0]
     assert made.read_text() == (COMMITTED / "chapter" / "chapter.md").read_text(), "make chapter-text writes it again"
+
+
+class Turned(Facts):
+    """Facts in which every comparison has ended the other way round, and every number is another."""
+
+    def _ratios(self, where, one, other, measuring):
+        return super()._ratios(where, other, one, measuring)
+
+    def fastest(self, where, one):
+        return not super().fastest(where, one)
+
+
+def test_each_group_of_claims_of_the_committed_chapter_can_fail(script):
+    analyses = [analyse(load_results(folder)) for folder in (COMMITTED, COMMITTED.parent / "dahlquist")]
+    facts = Turned(analyses, script.USUAL)
+    for check in script.CHECKS:
+        if check not in (script.check_fireflies, script.check_discussion):
+            with pytest.raises(AssertionError):
+                check(facts)
+    facts.error = lambda phrase, spp: Estimate(1.0, 0.9, 1.1, 4)
+    facts.build = lambda phrase: Estimate(1.0, 0.9 if phrase == "gears" else 0.1, 1.1 if phrase == "gears" else 0.2, 4)
+    for check in (script.check_fireflies, script.check_discussion):
+        with pytest.raises(AssertionError, match=r"1\.0"):
+            check(facts)

@@ -12,6 +12,7 @@ from engines.film import Film
 from engines.image import write_image
 from harness.report.chapter import figures, write_chapter
 from harness.run import references
+from harness.store.events import line_of
 from tests.harness.synthetic import Size, base_cell, manifest, reference_asked
 
 SIZE = Size(40, 40)
@@ -61,7 +62,7 @@ def chapter(folder, made, reference=None, cell_ids=()):
         for _ in range(2):
             film.add(reference)
         references._save(wanted.folder(folder / "references"), wanted, film, 1.0)
-        events.append(references.event(wanted, folder / "references"))
+        events.append(json.loads(line_of(references.event(wanted, folder / "references"))))
     told = manifest()
     told["config"]["name"] = "dahlquist"
     (folder / "manifest.json").write_text(json.dumps(told | {"cell_ids": list(cell_ids)}))

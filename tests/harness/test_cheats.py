@@ -1,5 +1,7 @@
 """Engines that cheat are caught, each by a flag of its own, in a run beside honest ones, which earn none."""
 
+from dataclasses import replace
+
 import cheating_engines
 import pytest
 
@@ -7,6 +9,7 @@ from harness import store
 from harness.analysis import analyse
 from harness.analysis.conduct import conduct_flags
 from harness.analysis.model import FLAGS, OF_THE_TIME
+from harness.store.records import Machine
 from harness.store.results import load_results
 from tests.harness import sweeping
 
@@ -62,28 +65,27 @@ def test_a_cheat_is_flagged_by_name_and_not_ranked(verdicts, name, flag):
 @pytest.mark.parametrize(("name", "words"), cheating_engines.REFUSED.items())
 def test_a_cheat_is_refused_by_name(swept, name, words):
     events = store.latest_cells(store.read_events(swept)).values()
-    cells = [event for event in events if event["engine"] == getattr(cheating_engines, name).name]
+    cells = [event for event in events if event.engine == getattr(cheating_engines, name).name]
     assert len(cells) == 3
-    assert all(cell["state"] == "failed" and words in cell["message"] for cell in cells)
+    assert all(cell.state == "failed" and words in cell.message for cell in cells)
 
 
 def test_flags_need_no_images_and_blame_nobody_for_what_was_not_recorded(swept):
-    """As in archives, and in results of older versions; the scene without noise has the same image under every seed."""
-    results = load_results(swept)
-    for contestant in results.contestants:
-        for cell in contestant.cells:
-            for point in cell.get("points", []):
-                point["image"] = None
-    flags = {c.settings.engine: conduct_flags(c, None) for c in results.contestants}
+    """As in archives; the scene without noise has the same image under every seed."""
+
+    def changed(contestant, change, **more):
+        cells = [cell.replaced(points=tuple(map(change, cell.points)), **more) for cell in contestant.cells]
+        return replace(contestant, cells=tuple(cells))
+
+    def silenced(point):
+        return point.replaced(film_variance=None, metrics={**point.metrics, "mse_corrected": point.metrics["mse"]})
+
+    without_images = [changed(c, lambda point: point.replaced(image=None)) for c in load_results(swept).contestants]
+    flags = {c.settings.engine: conduct_flags(c, None) for c in without_images}
     wanted = {"reference_copied", "fewer_samples", "ignores_seed", "stale_image", "works_between_calls", "too_many_threads"}
     assert wanted <= {flag for found in flags.values() for flag in found} and not flags["steady"]
-    silent = next(c for c in results.contestants if c.settings.engine == "ignores_seed")
-    for cell in silent.cells:
-        cell["machine"] = {}
-        for point in cell["points"]:
-            del point["film_variance"]
-            point["metrics"]["mse_corrected"] = point["metrics"]["mse"]
-    assert conduct_flags(silent, None) == []
+    silent = next(c for c in without_images if c.settings.engine == "ignores_seed")
+    assert conduct_flags(changed(silent, silenced, machine=Machine()), None) == []
 
 
 def test_ten_cheats():

@@ -49,13 +49,13 @@ def cells(folder):
 
 def same_images(one, other):
     """Every last image and the reference, bit for bit."""
-    found = {event["cell_id"]: event["points"][-1]["image"] for event in cells(one) if event["points"]}
-    for event in (event for event in cells(other) if event["points"]):
+    found = {event.cell_id: event.points[-1].image for event in cells(one) if event.points}
+    for event in (event for event in cells(other) if event.points):
         ours, theirs = (
-            read_film_layers(f / image) for f, image in ((other, event["points"][-1]["image"]), (one, found[event["cell_id"]]))
+            read_film_layers(f / image) for f, image in ((other, event.points[-1].image), (one, found[event.cell_id]))
         )
         assert all((a == b).all() or np.isnan(a).all() for a, b in zip(ours, theirs, strict=True))
-    (reference,) = {event["reference_id"] for event in cells(one)}
+    (reference,) = {event.reference_id for event in cells(one)}
     ours, theirs = (store.reference_arrays(folder, reference) for folder in (one, other))
     assert (ours.mean == theirs.mean).all() and (ours.half_1 == theirs.half_1).all()
 
@@ -67,14 +67,14 @@ def test_quality_alone_is_spread_over_all_machines_and_the_images_are_the_same(m
     assert sweeping.rows(tmp_path / "out") == sweeping.rows(alone / "out")
     same_images(alone / "out", tmp_path / "out")
     found = cells(tmp_path / "out")
-    workers = {event["worker"] for event in found}
+    workers = {event.worker for event in found}
     assert len(workers) == 2 and set(open_results(tmp_path / "out").cells["worker"]) == workers
-    assert all(event["machine"]["contended"] for event in found), "they ran beside each other"
-    (failed,) = [event for event in found if event["state"] == "failed"]
-    assert failed["message"] == "ValueError: the tree fell over and more"
+    assert all(event.machine.contended for event in found), "they ran beside each other"
+    (failed,) = [event for event in found if event.state == "failed"]
+    assert failed.message == "ValueError: the tree fell over and more"
     assert "the tree fell over" in (tmp_path / "out" / "worker.log").read_text()
-    environments = [e["env_id"] for e in store.read_events(tmp_path / "out") if e["event"] == "environment"]
-    assert len(environments) == len(set(environments)) and {e["env_id"] for e in found} <= set(environments)
+    environments = [e.env_id for e in store.read_events(tmp_path / "out") if e.event == "environment"]
+    assert len(environments) == len(set(environments)) and {e.env_id for e in found} <= set(environments)
 
 
 def test_timed_cells_run_in_order_one_at_a_time_on_a_host(machines, alone, tmp_path):
@@ -82,9 +82,9 @@ def test_timed_cells_run_in_order_one_at_a_time_on_a_host(machines, alone, tmp_p
     outcome, _ = sweeping.run(path, tmp_path / "out", cluster=machines.scheduler_address)
     assert outcome.states == STATES
     found = cells(tmp_path / "out")
-    assert len({event["worker"] for event in found}) == 1, "both workers are on this host: one is enough for it"
-    assert [event["order"] for event in found] == [0, 1, 2, 3, 4, 5]
-    events = [event["event"] for event in store.read_events(tmp_path / "out") if event["event"] in ("start", "cell")]
+    assert len({event.worker for event in found}) == 1, "both workers are on this host: one is enough for it"
+    assert [event.order for event in found] == [0, 1, 2, 3, 4, 5]
+    events = [event.event for event in store.read_events(tmp_path / "out") if event.event in ("start", "cell")]
     assert events == ["start", "cell"] * 6
     assert sweeping.rows(tmp_path / "out") == sweeping.rows(alone / "out")
     again, _ = sweeping.run(path, tmp_path / "out", cluster=machines.scheduler_address)
@@ -119,7 +119,7 @@ def test_a_worker_that_is_killed_in_mid_cell_loses_nothing(machines, alone, tmp_
     assert outcome.states == {"done": 3}
     assert sweeping.rows(out).items() <= sweeping.rows(alone / "out").items()
     same_images(alone / "out", out)
-    done = [event["cell_id"] for event in store.read_events(out) if event["event"] == "cell"]
+    done = [event.cell_id for event in store.read_events(out) if event.event == "cell"]
     assert len(done) == len(set(done)) == 3
 
 
@@ -200,17 +200,17 @@ def test_contended_cells_are_measured_again_where_they_were_measured(machines, t
 
     def judged(self, record, messages):
         event = measured_as(self, record, messages)
-        return {**event, "machine": {**event["machine"], "contended": next(marks) == "1"}}
+        return event.replaced(machine=event.machine.replaced(contended=next(marks) == "1"))
 
     monkeypatch.setattr(Recorder, "measured_as", judged)
     path, out = sweeping.write(tmp_path, sweeping.EXPERIMENT.replace("remeasure: 0", "remeasure: 2")), tmp_path / "out"
     outcome, _ = sweeping.run(path, out, cluster=machines.scheduler_address)
     assert outcome.states == {"done": 4} and outcome.measured == 6
-    found = sorted(cells(out), key=lambda event: event["order"])
-    assert [(event["attempt"], event["machine"]["contended"]) for event in found] == [(1, 0), (3, 0), (1, 0), (1, 0)]
-    again = [event for event in store.read_events(out) if event["event"] in ("cell", "attempt") and event["order"] == 1]
-    assert [(event["event"], event["attempt"]) for event in again] == [("cell", 1), ("attempt", 2), ("cell", 3)]
-    assert len({event["worker"] for event in again}) == 1
+    found = sorted(cells(out), key=lambda event: event.order)
+    assert [(event.attempt, event.machine.contended) for event in found] == [(1, 0), (3, 0), (1, 0), (1, 0)]
+    again = [event for event in store.read_events(out) if event.event in ("cell", "attempt") and event.order == 1]
+    assert [(event.event, event.attempt) for event in again] == [("cell", 1), ("attempt", 2), ("cell", 3)]
+    assert len({event.worker for event in again}) == 1
     assert sweeping.run(path, out, cluster=machines.scheduler_address)[0].measured == 0
 
 

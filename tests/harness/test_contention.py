@@ -9,8 +9,10 @@ import time
 import pytest
 
 from harness.measure import contention, run_queue
-from harness.measure.contention import CPU_TIME, RUN_QUEUE, contended_by_cpu_time, judged
+from harness.measure.contention import CPU_TIME, RUN_QUEUE, judged
 from harness.measure.run_queue import EndedThreads, readable, thread_waits
+from harness.run.contended import contended_by_cpu_time
+from harness.store.records import Machine
 from tests.harness import sweeping
 from tests.needs import needs
 
@@ -82,7 +84,7 @@ def test_what_an_engine_writes_in_place_of_a_report_is_no_mishap(machine):
 
 def block(cell_id, cpu, wall=1.0, others=0.0, rule=CPU_TIME):
     figures = {"cpu_seconds": cpu, "timed_seconds": wall, "other_cpu_seconds": others, "contention_rule": rule}
-    return {"cell_id": cell_id, "machine": figures}
+    return {cell_id: Machine(**figures)}
 
 
 @pytest.mark.parametrize(
@@ -97,7 +99,7 @@ def block(cell_id, cpu, wall=1.0, others=0.0, rule=CPU_TIME):
     ],
 )
 def test_blocks_that_lack_processor_time_which_others_had_are_contended(slow, expected):
-    assert contended_by_cpu_time([block("best", 1.0), slow]) == ({"slow"} if expected else set())
+    assert contended_by_cpu_time(block("best", 1.0) | slow) == ({"slow"} if expected else set())
 
 
 # --- what the parent sees -------------------------------------------------------------------------------------------

@@ -11,6 +11,7 @@ from harness.plan import planner
 from harness.report.html.assembly import headlines
 from harness.report.plots.panels import facets
 from harness.report.tables import all_tables
+from harness.store.events import line_of
 from tests.harness import sweeping
 from tests.harness.test_races import contestant, results, twins, verdicts
 
@@ -82,8 +83,9 @@ def test_another_division_is_written_down_without_measuring_again(tmp_path):
     outcome, _ = sweeping.run(path, tmp_path / "out")
     after = store.latest_cells(store.read_events(tmp_path / "out"))
     assert outcome.measured == 0 and before.keys() == after.keys()
-    assert {event["engine"]: event["division"] for event in after.values()} == {"steady": "closed", "other": "open"}
-    assert all(after[name] == {**event, "division": after[name]["division"]} for name, event in before.items())
+    assert {event.engine: event.division for event in after.values()} == {"steady": "closed", "other": "open"}
+    lines = {name: line_of(event.replaced(division=after[name].division)) for name, event in before.items()}
+    assert lines == {name: line_of(event) for name, event in after.items()}
 
 
 # In verdicts

@@ -7,6 +7,7 @@ import pytest
 from harness.analysis import analyse
 from harness.analysis.equivalence import Replicates, describe, engine_pairs, rests_on
 from harness.report.tables.equivalence import equivalence as equivalence_table
+from harness.store.records import Config, Margins
 from harness.store.results import load_results
 from tests.harness.synthetic import BIASED, write_folder
 
@@ -49,7 +50,7 @@ def test_the_table_has_a_row_a_pair_with_bounds(analysis):
 def test_the_margins_are_those_of_the_config(analysis):
     from dataclasses import replace
 
-    results = replace(analysis.results, manifest={"config": {"equivalence": {"image": 0.2, "tile": 0.9}}})
+    results = replace(analysis.results, config=Config(equivalence=Margins(image=0.2, tile=0.9)))
     pairs = engine_pairs(results, Replicates(results), {})
     assert {pair.verdict for pair in pairs} == {"equivalent"}
 
@@ -67,10 +68,10 @@ def test_images_of_one_seed_are_taken_at_equal_samples_where_they_share_their_no
     results = load_results(folder)
     for contestant in results.contestants:
         for cell in contestant.done:
-            for point in cell["points"]:
-                source = f"images/cornell_box-numba-bvh-random-1-None-{cell['block']}/spp{point['spp']:04d}.exr"
-                if point["image"] and point["image"] != source:
-                    shutil.copyfile(folder / source, folder / point["image"])
+            for point in cell.points:
+                source = f"images/cornell_box-numba-bvh-random-1-None-{cell.block}/spp{point.spp:04d}.exr"
+                if point.image and point.image != source:
+                    shutil.copyfile(folder / source, folder / point.image)
     (pair, *_) = [pair for pair in engine_pairs(results, Replicates(results), {}) if pair.first.settings.scene == "cornell_box"]
     assert pair.comparison.paired and pair.verdict == "identical" and pair.comparison.found.image_bound == 0
     words = "draw the same numbers, and their images are identical up to rounding in 100 % of the pixels"

@@ -40,27 +40,27 @@ def events(folder):
 
 def test_points_are_the_checkpoints_of_the_events(opened, events):
     points = opened.points.set_index(["cell_id", "spp"])
-    assert len(points) == sum(len(cell["points"]) for cell in events) and points.index.is_unique
+    assert len(points) == sum(len(cell.points) for cell in events) and points.index.is_unique
     for cell in events:
-        for point in cell["points"]:
-            row = points.loc[(cell["cell_id"], point["spp"])]
-            assert row.seconds == point["seconds"] and row.rays == point["rays"] and row.block == cell["block"]
-            assert row["relmse_e0.01"] == point["metrics"]["relmse_e0.01"]
-            start = sum(cell["phases"][f"{phase}_seconds"] for phase in ("import", "load", "build", "compile"))
-            assert row.cold_seconds == pytest.approx(start + point["seconds"], rel=1e-12)
-            assert row.image == point["image"] or (pd.isna(row.image) and point["image"] is None)
+        for point in cell.points:
+            row = points.loc[(cell.cell_id, point.spp)]
+            assert row.seconds == point.seconds and row.rays == point.rays and row.block == cell.block
+            assert row["relmse_e0.01"] == point.metrics["relmse_e0.01"]
+            start = sum(getattr(cell.phases, f"{phase}_seconds") for phase in ("import", "load", "build", "compile"))
+            assert row.cold_seconds == pytest.approx(start + point.seconds, rel=1e-12)
+            assert row.image == point.image or (pd.isna(row.image) and point.image is None)
 
 
 def test_cells_are_those_of_the_events_whatever_became_of_them(opened, events):
     cells = opened.cells.set_index("cell_id")
-    assert list(cells.index) == [cell["cell_id"] for cell in events]
+    assert list(cells.index) == [cell.cell_id for cell in events]
     assert set(cells.state) == {"done", "failed", "timeout", "skipped"}
     for cell in events:
-        row = cells.loc[cell["cell_id"]]
+        row = cells.loc[cell.cell_id]
         assert (row.engine, row.state, row.message, row.threads) == tuple(
-            cell[key] for key in ("engine", "state", "message", "threads")
+            getattr(cell, key) for key in ("engine", "state", "message", "threads")
         )
-        found = cell["phases"].get("render_seconds")
+        found = cell.phases.render_seconds
         assert row.render_seconds == found or (found is None and math.isnan(row.render_seconds))
 
 
@@ -164,11 +164,11 @@ def test_an_event_may_name_a_metric_as_it_likes(tmp_path):
             point["metrics"] |= {"scene": 1.0, "seconds": -1.0}
         if event["event"] == "cell":
             event["phases"] |= {"engine": 2.0}
-            event["machine"] |= {"contended": "perhaps"}
+            event["counters"] |= {"engine": 3.0}
     (folder / "events.jsonl").write_text("".join(json.dumps(event) + "\n" for event in lines))
     opened = harness.open_results(folder)
     assert (opened.points.seconds > 0).all() and set(opened.points.scene) == set(SCENES)
-    assert "2.0" not in set(opened.cells.engine) and set(opened.cells.machine_contended) == {"perhaps"}
+    assert "2.0" not in set(opened.cells.engine) and set(opened.cells.counter_engine.dropna()) == {3.0}
 
 
 @pytest.mark.parametrize(

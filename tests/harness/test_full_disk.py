@@ -13,6 +13,7 @@ from engines.film import Film
 from harness import config, store
 from harness.plan import planner
 from harness.store import atomic
+from harness.store.records import Start
 from tests import forked
 from tests.harness import sweeping
 
@@ -45,7 +46,7 @@ def test_a_run_on_a_full_disk_ends_in_a_line_and_its_resume_in_the_rows_of_an_un
     with warnings.catch_warnings():
         warnings.simplefilter("error")  # not even a line cut short is left
         kept = store.latest_cells(store.read_events(out)) if (out / store.EVENTS).exists() else {}
-    assert {event["state"] for event in kept.values()} <= {"done"}
+    assert {event.state for event in kept.values()} <= {"done"}
     if kib == 24:
         assert 2 <= len(kept) < 7
     outcome, _ = sweeping.run(path, out, ["repeats=3"])
@@ -56,7 +57,7 @@ def test_a_run_on_a_full_disk_ends_in_a_line_and_its_resume_in_the_rows_of_an_un
 
 
 def test_an_append_that_fails_leaves_no_half_line(tmp_path):
-    event = {"event": "start", "cell_id": "a"}
+    event = Start(cell_id="a")
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     with store.Events(tmp_path) as events:
         events.append(event)

@@ -28,19 +28,19 @@ def limited(folder, *engines, overrides=()):
     path = sweeping.write(folder, with_engines(*engines) + f"limits: {{memory: {LIMIT}}}\n")
     outcome, listener = sweeping.run(path, folder / "out", ["repeats=1", "budget.timeout=2m", *overrides])
     events = store.latest_cells(store.read_events(folder / "out")).values()
-    return outcome, listener, {event["engine"]: event for event in events}
+    return outcome, listener, {event.engine: event for event in events}
 
 
 def test_a_cell_that_takes_too_much_memory_fails_and_the_others_are_measured(tmp_path):
     outcome, _, events = limited(tmp_path, "wrong_engines:Hungry", "fake_engines:Steady")
     assert outcome.states == {"done": 1, "failed": 1}
-    assert re.fullmatch(r"memory: [0-9.]+ [MG]iB of 512 MiB", events["hungry"]["message"])
+    assert re.fullmatch(r"memory: [0-9.]+ [MG]iB of 512 MiB", events["hungry"].message)
 
 
 def test_a_process_that_an_engine_starts_counts_and_ends_with_the_cell(tmp_path, monkeypatch):
     monkeypatch.setenv("RAYBENCH_TEST_CHILD", str(tmp_path / "child"))
     outcome, _, events = limited(tmp_path, "wrong_engines:HungryChild", "fake_engines:Steady")
-    assert outcome.states == {"done": 1, "failed": 1} and events["hungry_child"]["message"].startswith("memory: ")
+    assert outcome.states == {"done": 1, "failed": 1} and events["hungry_child"].message.startswith("memory: ")
     child, patience = int((tmp_path / "child").read_text()), time.monotonic() + 60
     while _runs(child):
         assert time.monotonic() < patience, "the engine's process outlived its cell"

@@ -65,16 +65,16 @@ def commanded(here, there):
 
 
 def done(folder):
-    return [cell for cell in load_results(folder).cells if cell["state"] == "done"]
+    return [cell for cell in load_results(folder).cells if cell.state == "done"]
 
 
 def test_every_cell_of_every_machine_is_there_as_measured(here, there, merged):
-    found = {(cell["measured_as"], cell["env_id"]): cell for cell in done(merged)}
+    found = {(cell.measured_as, cell.env_id): cell for cell in done(merged)}
     for folder in (here, there):
         for cell in done(folder):
-            twin = found.pop((cell["cell_id"], cell["env_id"]))
-            strip = [{**point, "image": bool(point["image"])} for point in cell["points"]]
-            assert [{**point, "image": bool(point["image"])} for point in twin["points"]] == strip
+            twin = found.pop((cell.cell_id, cell.env_id))
+            strip = [point.replaced(image=bool(point.image)) for point in cell.points]
+            assert [point.replaced(image=bool(point.image)) for point in twin.points] == strip
     assert found == {}
 
 
@@ -82,9 +82,9 @@ def test_the_folder_stands_on_its_own(here, merged, tmp_path):
     copy = shutil.copytree(merged, tmp_path / "elsewhere" / "merged")
     results = load_results(copy)
     for cell in done(copy):
-        assert results.reference(cell["reference_id"]) is not None
-        assert all(results.image(point) is not None for point in cell["points"] if point["image"])
-    assert [source["folder"] for source in results.manifest["merged"]] == ["here", "there"]
+        assert results.reference(cell.reference_id) is not None
+        assert all(results.image(point) is not None for point in cell.points if point.image)
+    assert [source["folder"] for source in results.manifest.merged] == ["here", "there"]
 
 
 def test_machines_share_no_panel_no_baseline_and_no_verdict(merged):
@@ -145,6 +145,6 @@ def test_the_command_merges_and_reports(commanded):
     assert done.returncode == 0, done.stderr
     assert "10 measured cells of machine env0" in done.stdout and "must not be compared" in done.stdout
     assert "20 done" in raybench("status", out).stdout
-    assert store.read_manifest(out)["name"]
+    assert store.read_manifest(out).name
     refused = raybench("run", "quick", "--out", out)
     assert refused.returncode == 2 and "was made by `raybench merge`" in refused.stderr

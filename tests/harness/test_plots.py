@@ -20,8 +20,8 @@ from harness.report.plots.panels import facets, panels
 from harness.report.plots.parallel import Beside, draw
 from harness.report.plots.scaling import cost_over_pixels, cost_over_primitives
 from harness.report.plots.style import ENGINE_COLOURS, FORMATS, OTHER_COLOURS, file_stem, formats
-from harness.store.results import load_results, results_of
-from tests.harness.synthetic import SMALL, done_cell
+from harness.store.results import load_results
+from tests.harness.synthetic import SMALL, arranged, base_cell, done_cell
 
 
 @pytest.fixture(scope="module")
@@ -102,8 +102,8 @@ def test_every_plot_says_what_it_shows(plots):
 
 def test_an_engine_has_one_colour_and_others_move_none(tmp_path):
     def palette(*engines):
-        cells = [{"event": "cell", "cell_id": engine, "state": "skipped", "scene": "s", "engine": engine} for engine in engines]
-        return Palette(results_of(tmp_path, {}, cells))
+        cells = [base_cell(("s", engine, "bvh", "random", 1, None), 0, SMALL) for engine in engines]
+        return Palette(arranged(tmp_path, cells))
 
     few, more = palette("zeta", "numba"), palette("zeta", "numba", "alpha", "mitsuba")
     assert few.colour("zeta") == more.colour("zeta") == OTHER_COLOURS[0] and more.colour("alpha") == OTHER_COLOURS[1]
@@ -157,17 +157,17 @@ def test_a_caption_speaks_of_slopes_only_where_the_legend_has_them(analysis):
 
 
 def test_a_point_below_three_standard_errors_is_no_part_of_the_line(analysis):
+    def unsure(cell):
+        end = cell.end.replaced(metrics={**cell.end.metrics, "relmse_e0.01_se": 1.0})
+        return cell.replaced(points=(*cell.points[:-1], end))
+
     panel = panels(analysis)[0]
-    cell = panel.verdicts[0].contestant.done[0]
-    point = cell["points"][-1]
-    kept = dict(point["metrics"])
-    try:
-        for other in panel.verdicts[0].contestant.done:
-            other["points"][-1]["metrics"] = kept | {"relmse_e0.01_se": 1.0}
-        assert band(analysis.results, panel.verdicts[0], "spp").noisy[-1]
-        assert error_curves(analysis, panel, Palette(analysis.results), "spp") is not None
-    finally:
-        point["metrics"] = kept
+    verdict, *others = panel.verdicts
+    contestant = dataclasses.replace(verdict.contestant, cells=tuple(map(unsure, verdict.contestant.done)))
+    verdict = dataclasses.replace(verdict, contestant=contestant)
+    assert band(analysis.results, verdict, "spp").noisy[-1]
+    panel = dataclasses.replace(panel, verdicts=[verdict, *others])
+    assert error_curves(analysis, panel, Palette(analysis.results), "spp") is not None
 
 
 def test_results_without_targets_or_threads_draw_what_is_left(tmp_path, with_plots):
@@ -187,7 +187,7 @@ def test_a_scene_on_which_a_contestant_was_not_measured_counts_as_not_reached(tm
         for scene, engine in (("cornell_box", "numba"), ("cornell_box", "embree"), ("two_spheres", "numba"))
         for block in range(3)
     ]
-    found = analyse(dataclasses.replace(results_of(tmp_path, {}, cells), targets=[1e9]))
+    found = analyse(dataclasses.replace(arranged(tmp_path, cells), targets=[1e9]))
     chart = target_ecdf(found, Palette(found.results))
     assert chart is not None
     assert {curve.name: curve.y[-1] for curve in chart.subplots[0].content} == {"numba": 1.0, "embree": 0.5}
@@ -202,13 +202,13 @@ def test_growth_is_drawn_over_three_sizes_with_its_exponent(tmp_path):
             cell = done_cell(tmp_path, case, block, 1.0, SMALL, rng, False)
             for point in cell["points"]:
                 point["seconds"] = 1e-6 * point["spp"] * count**0.5
-            more = {"scene": f"ball{count}", "primitives": count, "cell_id": f"{count}/{block}"}
+            more = {"scene": f"ball{count}", "primitives": count, "cell_id": f"{count}-{block}"}
             cells.append(cell | more)
-    analysis = analyse(results_of(tmp_path, {}, cells))
+    analysis = analyse(arranged(tmp_path, cells))
     chart = cost_over_primitives(analysis, Palette(analysis.results))
     assert chart is not None and cost_over_pixels(analysis, Palette(analysis.results)) is None
     assert [text.get_text() for text in figure(chart).legends[0].get_texts()] == ["numba (0.50)"]
-    assert cost_over_primitives(analyse(results_of(tmp_path, {}, cells[:6])), Palette(analysis.results)) is None
+    assert cost_over_primitives(analyse(arranged(tmp_path, cells[:6])), Palette(analysis.results)) is None
 
 
 def test_short_log_axes_have_numbers_of_their_own():

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import engines
+from engines.choices import Choice
 from engines.errors import ConfigError, RaybenchError, UnknownName
 from engines.imports import imported
 from harness import config, store
@@ -124,9 +125,9 @@ def test_a_run_gives_options_to_workers_that_find_the_code_beside_the_config(fol
     )
     outcome, _ = sweeping.run_plan(plan, tmp_path / "out")
     assert outcome.states == {"done": 2}, outcome.failures
-    events = [event for event in store.read_events(tmp_path / "out") if event.get("state") == "done"]
-    assert {event["sampler"]["value"] for event in events} == {0.25, 0.75}
-    assert all(event["shader"] == {"name": f"{folder[1]}:made", "strength": 2, "depth": 3} for event in events)
+    events = [event for event in store.read_events(tmp_path / "out") if getattr(event, "state", None) == "done"]
+    assert {event.sampler.options["value"] for event in events} == {0.25, 0.75}
+    assert all(event.shader == Choice(f"{folder[1]}:made", {"strength": 2, "depth": 3}) for event in events)
 
 
 @pytest.mark.parametrize(("value", "grey"), [(0.25, 0.5), (0.75, 1.5)])

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from engines.errors import ConfigError
 from harness.analysis import analyse
 from harness.analysis.frames import ResultFrames
 from harness.report.html.assembly import headlines
@@ -13,8 +14,7 @@ from harness.report.plots.bars import quality_bars
 from harness.report.plots.panels import panels
 from harness.report.tables import all_tables
 from harness.report.tables.evidence import evidence
-from harness.store.results import results_of
-from tests.harness.synthetic import SMALL, base_cell, metrics
+from tests.harness.synthetic import SMALL, arranged, base_cell, metrics
 
 TARGETS = [0.1, 0.01]
 SPP = [2**k for k in range(8)]
@@ -55,7 +55,7 @@ def contestant(
 
 def results(tmp_path, *contestants, config=None):
     events = [{"event": "targets", "metric": "relmse_e0.01", "targets": TARGETS}, *(c for made in contestants for c in made)]
-    return results_of(tmp_path, {"config": config or {}}, events)
+    return arranged(tmp_path, events, config)
 
 
 def verdicts(found, target=0.01, scene="hall"):
@@ -132,9 +132,10 @@ def test_an_accelerator_that_both_engines_have_is_a_factor_of_its_own(tmp_path):
     assert found.loc["numba grid"].factor == "accelerator"
 
 
-def test_what_a_config_may_say_of_pairs_does_not_stop_a_reader(tmp_path):
-    for pairs in (3, [3], [{}], [{"contestant": {}, "baseline": 2}], [{"contestant": {"engine": "numba"}}]):
-        assert len(verdicts(results(tmp_path, twins(), config={"pairs": pairs, "same_within": "x"}))) == 2
+@pytest.mark.parametrize("pairs", [3, [3], [{}], [{"contestant": {}, "baseline": 2}], [{"contestant": {"engine": "numba"}}]])
+def test_what_a_config_cannot_say_of_pairs_is_refused_in_a_line(tmp_path, pairs):
+    with pytest.raises(ConfigError, match=r"manifest\.json: config\.pairs\b"):
+        results(tmp_path, twins(), config={"pairs": pairs})
 
 
 def test_auto_of_two_engines_is_one_setting_whatever_its_options(tmp_path):
@@ -212,11 +213,10 @@ def test_no_verdict_below_three_blocks(tmp_path, blocks, verdict):
     ],
 )
 def test_the_first_lines_say_how_many_timings_were_contended(tmp_path, contended, words):
-    found = results(tmp_path, contestant(0.2, engine="numpy"), twins())
-    cells = [cell for contestant in found.contestants for cell in contestant.done]
+    cells = [*contestant(0.2, engine="numpy"), *twins()]
     for index, cell in enumerate(cells):
         cell["machine"] = {"contended": contended[index]} if index < len(contended) else {}
-    assert words in evidence(analyse(found))
+    assert words in evidence(analyse(results(tmp_path, cells)))
 
 
 @pytest.mark.parametrize(("blocks", "dots"), [(2, 2), (3, 1)])

@@ -120,9 +120,9 @@ def test_a_stale_reference_is_refused(made, tmp_path):
 def test_a_damaged_reference_is_refused_with_what_to_do(made, tmp_path):
     wanted, meta, _ = made(8)
     folder = wanted.folder(tmp_path / "refs")
-    data = bytearray((folder / meta["file"]).read_bytes())
+    data = bytearray((folder / meta.file).read_bytes())
     data[len(data) // 2] ^= 1
-    (folder / meta["file"]).write_bytes(data)
+    (folder / meta.file).write_bytes(data)
     with pytest.raises(ConfigError, match=f"its checksum is not the recorded one: remove {folder}"):
         read(wanted, tmp_path / "refs")
     (folder / "reference.json").write_text("{")
@@ -134,10 +134,10 @@ def test_results_find_their_references(tmp_path, monkeypatch):
     monkeypatch.setenv("RAYBENCH_REFERENCES", str(tmp_path / "kept"))
     path, out = sweeping.write(tmp_path), tmp_path / "results" / "small"
     sweeping.run(path, out, ["repeats=1"])
-    (event,) = [e for e in store.read_events(out) if e["event"] == "reference"]
-    assert event["spp"] == 64 and (event["width"], event["height"]) == (12, 8) and event["seconds"] > 0
-    folder = tmp_path / "kept" / event["scene_hash"][:16] / event["reference_id"]
-    reference = store.reference_arrays(out, event["reference_id"])
+    (event,) = [e for e in store.read_events(out) if e.event == "reference"]
+    assert event.spp == 64 and (event.width, event.height) == (12, 8) and event.seconds > 0
+    folder = tmp_path / "kept" / event.scene_hash[:16] / event.reference_id
+    reference = store.reference_arrays(out, event.reference_id)
     assert reference.mean.shape == (8, 12, 3)
     assert np.allclose(read_film_layers(folder / "reference.exr").mean, reference.mean, atol=1e-6)
     meta = json.loads((folder / "reference.json").read_text())
@@ -159,12 +159,12 @@ def test_references_beside_results_of_earlier_versions_are_still_read(tmp_path, 
     monkeypatch.setenv("RAYBENCH_REFERENCES", str(tmp_path / "results" / "references"))
     path, out = sweeping.write(tmp_path), tmp_path / "results" / "small"
     sweeping.run(path, out, ["repeats=1"])
-    (event,) = [e for e in store.read_events(out) if e["event"] == "reference"]
+    (event,) = [e for e in store.read_events(out) if e.event == "reference"]
     monkeypatch.setenv("RAYBENCH_REFERENCES", str(tmp_path / "empty"))
-    assert store.reference_arrays(out, event["reference_id"]).spp == 64
+    assert store.reference_arrays(out, event.reference_id).spp == 64
     (tmp_path / "results" / "references").rename(tmp_path / "gone")
     with pytest.raises(ConfigError, match="name its folder with --references"):
-        store.reference_arrays(out, event["reference_id"])
+        store.reference_arrays(out, event.reference_id)
 
 
 def test_the_cache_folder_is_the_users_unless_one_is_named(tmp_path, monkeypatch):

@@ -60,7 +60,7 @@ def test_who_comes_second_waits_is_told_so_and_renders_nothing(tmp_path):
     meta = references.make(asked, tmp_path, second, lambda done, count: None, waits)
     making.join()
     assert (told, first.rendered, second.rendered) == (["waits"], shared_references.REPLICATES, 0)
-    assert meta["complete"]
+    assert meta.complete
 
 
 class Counting(Images):
@@ -94,7 +94,7 @@ def test_a_relative_that_vanishes_while_it_is_read_is_no_error(tmp_path):
     references.make(small, tmp_path, Images(), lambda done, count: None)
     (small.folder(tmp_path) / "film-0004.npz").unlink()
     counting = Counting()
-    assert references.make(large, tmp_path, counting, lambda done, count: None)["complete"]
+    assert references.make(large, tmp_path, counting, lambda done, count: None).complete
     assert counting.rendered == 6
 
 

@@ -30,15 +30,15 @@ class Contention:
 
 
 def events(folder, kind):
-    return [event for event in store.read_events(folder) if event["event"] == kind]
+    return [event for event in store.read_events(folder) if event.event == kind]
 
 
 def of_cells(folder):
-    return sorted(store.latest_cells(store.read_events(folder)).values(), key=lambda event: event["order"])
+    return sorted(store.latest_cells(store.read_events(folder)).values(), key=lambda event: event.order)
 
 
 def images_are_there(folder, found):
-    images = [point["image"] for event in found for point in event["points"] if point["image"]]
+    images = [point.image for event in found for point in event.points if point.image]
     assert images and all((folder / image).is_file() for image in images)
 
 
@@ -48,14 +48,14 @@ def test_the_first_uncontended_measurement_counts(tmp_path, monkeypatch):
     path, out = sweeping.write(tmp_path, TEXT), tmp_path / "out"
     outcome, listener = sweeping.run(path, out)
     assert outcome.states == {"done": 4} and outcome.measured == 7
-    assert Counter(listener.cells) == Counter(dict(zip((e["cell_id"] for e in of_cells(out)), (1, 3, 2, 1), strict=True)))
-    assert [(e["attempt"], e["machine"]["contended"]) for e in of_cells(out)] == [(1, 0), (3, 0), (2, 0), (1, 0)]
+    assert Counter(listener.cells) == Counter(dict(zip((e.cell_id for e in of_cells(out)), (1, 3, 2, 1), strict=True)))
+    assert [(e.attempt, e.machine.contended) for e in of_cells(out)] == [(1, 0), (3, 0), (2, 0), (1, 0)]
     assert listener.notes[-2:] == [
         "2 contended cells are measured again (round 1 of 2)",
         "1 contended cells are measured again (round 2 of 2)",
     ]
     (left,) = events(out, "attempt")
-    assert left["attempt"] == 2 and left["machine"]["contended"]
+    assert left.attempt == 2 and left.machine.contended
     images_are_there(out, [*events(out, "cell"), left])  # nothing measured is lost
     before = (out / store.EVENTS).read_bytes()
     again, _ = sweeping.run(path, out)
@@ -69,14 +69,14 @@ def test_a_cell_that_stays_contended_is_kept_and_flagged(tmp_path, monkeypatch):
     assert outcome.states == {"done": 4} and outcome.measured == 6
     assert listener.notes[-1] == "1 cells stay contended: they are kept, and flagged"
     kept = of_cells(out)[0]
-    assert kept["attempt"] == 1 and kept["machine"]["contended"], "the first measurement"
-    assert [event["attempt"] for event in events(out, "attempt")] == [2, 3]
+    assert kept.attempt == 1 and kept.machine.contended, "the first measurement"
+    assert [event.attempt for event in events(out, "attempt")] == [2, 3]
     images_are_there(out, of_cells(out))
     flags = {v.contestant.settings.engine: v.flags for v in analyse(load_results(out)).verdicts}
-    assert "contended" in flags[kept["engine"]] and sum("contended" in each for each in flags.values()) == 1
+    assert "contended" in flags[kept.engine] and sum("contended" in each for each in flags.values()) == 1
     assert sweeping.run(path, out)[0].measured == 0, "the rounds are used up, over all runs"
     assert sweeping.run(path, out, ["remeasure=3"])[0].measured == 1
-    assert not of_cells(out)[0]["machine"]["contended"]
+    assert not of_cells(out)[0].machine.contended
 
 
 @pytest.mark.parametrize("stop_at", [1, 4, 6, *(pytest.param(at, marks=pytest.mark.slow) for at in (0, 2, 3, 5))])
@@ -89,7 +89,7 @@ def test_an_interrupted_run_ends_like_an_undisturbed_one(tmp_path, monkeypatch, 
         sweeping.run(path, out)
     outcome, _ = sweeping.run(path, out)
     assert found.calls == 8 and outcome.measured == 7 - stop_at and outcome.states == {"done": 4}
-    assert [(e["attempt"], e["machine"]["contended"]) for e in of_cells(out)] == [(1, 0), (3, 0), (2, 0), (1, 0)]
+    assert [(e.attempt, e.machine.contended) for e in of_cells(out)] == [(1, 0), (3, 0), (2, 0), (1, 0)]
     assert len(events(out, "attempt")) == 1
     images_are_there(out, [*events(out, "cell"), *events(out, "attempt")])
 
@@ -105,9 +105,9 @@ def test_a_repetition_that_fails_leaves_the_measurement(tmp_path, monkeypatch):
     found.script = "1100"
     outcome, _ = sweeping.run(path, out, ["remeasure=1"], fail_fast=True)
     assert outcome.states == {"done": 2} and not outcome.failures
-    assert sorted(e["machine"]["contended"] for e in of_cells(out)) == [False, True]
+    assert sorted(e.machine.contended for e in of_cells(out)) == [False, True]
     (failed,) = events(out, "attempt")
-    assert failed["state"] == "failed" and "the tree fell over" in failed["message"] and failed["seed"] == 2
+    assert failed.state == "failed" and "the tree fell over" in failed.message and failed.seed == 2
 
 
 def test_cells_that_only_their_blocks_show_to_be_contended_are_measured_again(tmp_path, monkeypatch):
@@ -126,9 +126,9 @@ def test_cells_that_only_their_blocks_show_to_be_contended_are_measured_again(tm
     outcome, _ = sweeping.run(path, out, ["repeats=4", "aa_twin=false"])
     assert outcome.measured == 5 and len(calls) == 5
     last = of_cells(out)[-1]
-    assert last["attempt"] == 2 and not last["machine"]["contended"]
-    history = [e for e in events(out, "cell") if e["cell_id"] == last["cell_id"]]
-    assert [e["machine"]["contended"] for e in history] == [False, True, False]
+    assert last.attempt == 2 and not last.machine.contended
+    history = [e for e in events(out, "cell") if e.cell_id == last.cell_id]
+    assert [e.machine.contended for e in history] == [False, True, False]
 
 
 def test_nothing_is_measured_again_where_times_do_not_count_or_the_machine_is_another(tmp_path, monkeypatch):

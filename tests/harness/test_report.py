@@ -14,7 +14,7 @@ import pytest
 from engines.errors import ConfigError
 from harness.analysis import analyse
 from harness.report import write_derived
-from harness.report.html.assembly import repeat_command, report_html
+from harness.report.html.assembly import report_html
 from harness.report.html.overview import ratio_of
 from harness.report.html.pictures import busiest, packed, shrunk
 from harness.report.plots.panels import panels
@@ -121,7 +121,7 @@ def test_pictures_decode_to_the_images(page, folder):
     group = payload["groups"][0]
     assert group["has_reference"] and (group["width"], group["height"], group["factor"]) == (64, 48, 1)
     results = load_results(folder)
-    reference = results.reference(results.contestants[0].cells[0]["reference_id"])
+    reference = results.reference(results.contestants[0].cells[0].reference_id)
     assert unpacked(group["pictures"][0]["data"], (48, 64, 3)) == pytest.approx(reference.mean, rel=5e-3)
     for rule in group["rules"].values():
         names = [group["pictures"][place]["name"] for place in rule["pictures"]]
@@ -204,12 +204,6 @@ def test_the_crop_shows_the_busiest_part():
     image[130:150, 120:160:2] = 1.0
     y, x = busiest(image)
     assert y <= 130 < y + 48 and x <= 121 < x + 48 and busiest(image[:20, :20]) == (0, 0)
-
-
-def test_a_command_is_made_where_none_was_stored():
-    shader = {"name": "whitted", "max_depth": 3}
-    command = repeat_command({"scene": "my scene", "engine": "numba", "shader": shader, "width": 8, "height": 6})
-    assert all(part in command for part in ("'my scene'", f"'{json.dumps(shader)}'", "--size 8x6"))
 
 
 # What may be missing

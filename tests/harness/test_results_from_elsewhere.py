@@ -13,6 +13,7 @@ from engines.errors import ConfigError
 from harness import store
 from harness.analysis import calibration
 from harness.store import confined
+from harness.store.records import Run
 from tests.harness import mutation, once, sweeping
 
 SECRET = "not for others"
@@ -207,10 +208,10 @@ def _refusal(folder):
 @pytest.mark.parametrize(
     ("version", "words"),
     [
-        (1, "results of format 1, and this raybench reads 2: an older raybench wrote it: measure again"),
-        (3, "results of format 3, and this raybench reads 2: a newer raybench wrote it"),
-        (None, "'raybench_results: 2' is expected"),
-        ("2", "'raybench_results: 2' is expected"),
+        (2, "results of format 2, and this raybench reads 3: an older raybench wrote it: measure again"),
+        (4, "results of format 4, and this raybench reads 3: a newer raybench wrote it"),
+        (None, "'raybench_results: 3' is expected"),
+        ("3", "'raybench_results: 3' is expected"),
         (True, "is expected"),
     ],
 )
@@ -232,7 +233,7 @@ def test_a_folder_of_the_first_format_ends_in_one_line(theirs, verb):
     with (theirs / store.EVENTS).open("a") as file:
         file.write('{"event": "conclusions", "bias": []}\n')
     done = sweeping.raybench(verb, theirs)
-    said = "results of format 1, and this raybench reads 2: an older raybench wrote it: measure again"
+    said = "results of format 1, and this raybench reads 3: an older raybench wrote it: measure again"
     assert (done.returncode, done.stderr) == (2, f"raybench: {theirs / store.MANIFEST}: {said}\n")
 
 
@@ -252,7 +253,7 @@ def test_a_folder_of_the_first_format_ends_in_one_line(theirs, verb):
     ],
 )
 def test_a_line_that_is_no_event_is_refused_with_its_number(tmp_path, line, words):
-    good = json.dumps({"event": "sentinel", "block": 0, "seconds": 1})  # of older results: let through, and ignored
+    good = json.dumps({"event": "start", "cell_id": "a", "of_later_versions": 1})
     (tmp_path / store.EVENTS).write_text(f"{good}\n{line}\n{good}\n")
     with pytest.raises(ConfigError, match=rf"^\S*events\.jsonl:2: .*({words})") as told:
         store.read_events(tmp_path)
@@ -263,64 +264,14 @@ def test_what_a_run_writes_is_what_is_read(tmp_path):
     """The types are those of real events: of cells done, failed and skipped, with images and without."""
     text = sweeping.EXPERIMENT.replace("'fake_engines:Other'", "'fake_engines:Broken', 'fake_engines:Picky'")
     sweeping.run(sweeping.write(tmp_path, text.replace("images: none", "images: all")), tmp_path / "out")
-    states = {event.get("state") for event in store.read_events(tmp_path / "out")}
-    assert {"done", "failed", "skipped"} <= states and store.read_manifest(tmp_path / "out")["raybench_results"] == 2
+    states = {getattr(event, "state", None) for event in store.read_events(tmp_path / "out")}
+    assert {"done", "failed", "skipped"} <= states and store.read_manifest(tmp_path / "out").raybench_results == 3
 
 
 @pytest.mark.parametrize("folder", ["baseline", "dissertation"])
 def test_the_committed_results_are_read(folder):
     results = sweeping.ROOT / "results" / folder
-    assert len(store.read_events(results)) > 150 and store.read_manifest(results)["name"]
-
-
-def test_verdicts_of_p_values_in_an_older_archive_are_unresolved_and_say_so(whole, tmp_path):
-    """As archives had them before images were bounded. They are read, and nothing is concluded from them."""
-    from harness.analysis import analyse, archived_verdicts
-    from harness.report.tables.equivalence import bias_text, equivalence_text
-    from harness.store.results import load_results
-
-    folder = shutil.copytree(whole, tmp_path / "old")
-    shutil.rmtree(folder / "images")
-    fresh = archived_verdicts.event(analyse(load_results(whole)))
-    p_values = {
-        "pixel_p": 0.5,
-        "pixel_threshold": 1e-6,
-        "pixels_outside": 0,
-        "tile_p": 0.5,
-        "tile_threshold": 1e-4,
-        "image_p": 0.5,
-        "ks_p": 0.5,
-        "difference": 1e-4,
-        "low": -1e-3,
-        "high": 1e-3,
-        "detectable": 1e-3,
-        "verdict": "equivalent",
-    }
-    old = {
-        "event": "archived_verdicts",
-        "baseline": [{"of": row["of"], **p_values} for row in fresh["baseline"]],
-        "bias": [{"of": row["of"], "squared": 1e-6, "se": 1e-6, "pairs": 1} for row in fresh["bias"]],
-        "pairs": [{**row, "found": p_values} for row in fresh["pairs"]],
-    }
-    with (folder / store.EVENTS).open("a") as file:
-        file.write(json.dumps(old) + "\n")
-    analysis = analyse(load_results(folder))
-    seen = [verdict for verdict in analysis.verdicts if verdict.equivalence is not None]
-    assert seen and {equivalence_text(verdict) for verdict in seen} == {"unresolved (old rule)"}
-    assert {bias_text(v) for v in analysis.verdicts if v.bias is not None} == {"unknown (old rule)"}
-    compared = [pair for pair in analysis.pairs if pair.comparison is not None]
-    assert compared and {pair.verdict for pair in compared} == {"unresolved"}
-    again = archived_verdicts.event(analysis)
-    assert {row["verdict"] for row in again["baseline"]} == {"unresolved"}
-
-
-@pytest.mark.parametrize("kind", ["Bias", "Verdict"])
-def test_records_that_become_objects_have_their_very_fields(kind):
-    from harness.statistics import BiasEstimate, Equivalence
-    from harness.store import event_types
-
-    fields = {"Bias": (*BiasEstimate._fields, "of"), "Verdict": Equivalence.__slots__}
-    assert set(getattr(event_types, kind).model_fields) == set(fields[kind])
+    assert len(store.read_events(results)) > 150 and store.read_manifest(results).name
 
 
 SEEDS = 20
@@ -359,7 +310,7 @@ def test_a_pipe_in_the_place_of_a_file_is_refused_at_once(theirs, whole, tmp_pat
 
 
 def test_a_film_that_unpacks_to_more_than_its_size_is_refused(theirs, tmp_path):
-    from harness.store import reference_files
+    from harness.store import reference_files, validation
 
     folder = next(theirs.glob("references/*/*/reference.json")).parent
     meta = json.loads((folder / "reference.json").read_text())
@@ -369,7 +320,7 @@ def test_a_film_that_unpacks_to_more_than_its_size_is_refused(theirs, tmp_path):
     np.savez_compressed(film, **(held | {"squares": np.zeros((2000, 2000, 3))}))
     meta["sha256"] = reference_files.checksum(film)
     with pytest.raises(ConfigError, match=r"bytes unpacked, and a film of its size at most"):
-        reference_files.film_in(folder, meta)
+        reference_files.film_in(folder, validation.reference_meta(meta, "reference.json"))
 
 
 def test_what_an_engine_tells_never_makes_a_folder_unreadable(tmp_path, monkeypatch):
@@ -384,13 +335,13 @@ def test_what_an_engine_tells_never_makes_a_folder_unreadable(tmp_path, monkeypa
     monkeypatch.setattr(recorder.CellRecord, "_point", _point)
     outcome, _ = sweeping.run(sweeping.write(tmp_path), tmp_path / "out")
     assert outcome.states == {"done": 2, "failed": 2}
-    messages = {event["message"] for _, event in outcome.failures}
+    messages = {event.message for _, event in outcome.failures}
     assert all("unusable: cell.points[0].seconds = -1.0: " in message for message in messages)
     assert len(store.latest_cells(store.read_events(tmp_path / "out"))) == 4
 
 
 def test_a_message_that_is_no_unicode_can_be_stored_and_read(tmp_path):
-    event = {"event": "run", "time": "", "run_id": "", "command": ["a\udcff"]}
+    event = Run(time="", run_id="", command=("a\udcff",))
     with store.Events(tmp_path) as events:
         events.append(event)
-    assert store.read_events(tmp_path)[0]["command"] == ["a?"]
+    assert store.read_events(tmp_path) == [event] and event.command == ("a?",)

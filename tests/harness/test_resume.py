@@ -80,12 +80,12 @@ def test_killed_at_random_moments_a_run_ends_with_the_rows_of_an_undisturbed_one
 
 def assert_nothing_twice(out):
     events = store.read_events(out)
-    done = [event["cell_id"] for event in events if event["event"] == "cell"]
+    done = [event.cell_id for event in events if event.event == "cell"]
     assert len(done) == len(set(done))
-    assert sum(event["event"] == "reference" for event in events) == 1
+    assert sum(event.event == "reference" for event in events) == 1
     for event in store.latest_cells(events).values():
-        kept = sorted((out / "images" / event["cell_id"]).iterdir())
-        assert [str(p.relative_to(out)) for p in kept] == [p["image"] for p in event["points"] if p["image"]]
+        kept = sorted((out / "images" / event.cell_id).iterdir())
+        assert [str(p.relative_to(out)) for p in kept] == [p.image for p in event.points if p.image]
 
 
 @needs("linux")

@@ -58,7 +58,7 @@ def mine(tmp_path, monkeypatch, request):
 
 def states(folder):
     found = store.latest_cells(store.read_events(folder)).values()
-    return sorted((event["engine"], event["state"]) for event in found)
+    return sorted((event.engine, event.state) for event in found)
 
 
 def test_an_unchanged_engine_is_resumed_and_an_edited_one_measured_again(mine):
@@ -82,7 +82,7 @@ def test_an_engine_that_is_edited_while_the_run_goes_is_noticed(mine):
     with store.locked(folder / "out"):
         outcome = sweep.run(made, folder / "out", sweep.Options(allow_imports=True), sweeping.Quiet())
     assert outcome.states == {"done": 1, "failed": 1}
-    assert outcome.failures[0][1]["message"] == "the engine's code has changed since the run began: run again"
+    assert outcome.failures[0][1].message == "the engine's code has changed since the run began: run again"
 
 
 def test_a_reference_goes_by_the_code_of_its_engine_and_by_no_other(mine):

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from harness.analysis.equivalence import bound, bounds, describe, percent
-from harness.statistics.equivalence import Equivalence, Margins, equivalence
+from harness.statistics.equivalence import Margins, equivalence
 from harness.statistics.tiles import differences, tile_means
 
 SHAPE = (64, 64, 3)
@@ -181,10 +181,3 @@ def test_bounds_are_rounded_up_and_nothing_is_nothing():
     ]
     assert bounds(8e-4, 0.019) == "image means differ by at most 0.08 %, no tile by more than 1.9 %"
     assert percent(0.0) == "0 %" and percent(-0.0123) == "-1.2 %"
-
-
-def test_a_verdict_of_p_values_is_unresolved_and_says_so():
-    old = Equivalence.from_record({"pixel_p": 0.5, "verdict": "equivalent", "difference": 0.0, "alpha": 0.01})
-    assert old.verdict == "unresolved" and old.of_old_rule and "older rule" in describe(old)
-    new = equivalence([TRUTH] * 2, [1.1 * TRUTH] * 2)
-    assert Equivalence.from_record(new.as_record()) == new

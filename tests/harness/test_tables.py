@@ -5,10 +5,12 @@ import io
 import json
 import math
 import re
+from dataclasses import replace
 from itertools import pairwise
 
 import pytest
 
+from engines.choices import Choice
 from harness.analysis import analyse, baseline_engine_of
 from harness.report.tables import all_tables, columns, write_tables
 from harness.report.tables.model import (
@@ -21,7 +23,7 @@ from harness.report.tables.model import (
     markdown_text,
     number_text,
 )
-from harness.store.results import brief_choice, choice_text, load_results
+from harness.store.results import brief_choice, load_results
 from tests.harness.synthetic import COMPILE_SECONDS, SCENES, SECONDS_PER_SPP, write_folder
 
 
@@ -115,7 +117,7 @@ def test_a_quality_that_rises_is_reached_from_below(folder, analysis):
 
 def test_the_config_may_name_the_baseline(folder):
     results = load_results(folder)
-    results.manifest["config"]["baseline"] = "embree"
+    results = replace(results, config=results.config.replaced(baseline="embree"))
     assert baseline_engine_of(results) == "embree"
 
 
@@ -128,7 +130,7 @@ def test_failures_name_state_reason_and_count(tables):
 def test_files_hold_one_row_a_checkpoint_verdict_and_cell(tables, analysis, folder):
     cells = analysis.results.cells
     points, ttq, phases = (read_csv(folder / name) for name in ("points.csv", "ttq.csv", "phases.csv"))
-    assert len(points) == sum(len(cell["points"]) for cell in cells) and len(phases) == len(cells)
+    assert len(points) == sum(len(cell.points) for cell in cells) and len(phases) == len(cells)
     assert len(ttq) == len(analysis.verdicts) * 3 * 2
     assert {"seconds", "cold_seconds", "relmse_e0.01", "relmse_e0.01_corrected"} <= set(points[0])
     unreached = [row for row in ttq if row["reached"] == "0"]
@@ -196,9 +198,9 @@ def test_estimates_show_their_interval_or_why_there_is_none():
 def test_names_say_what_differs_and_no_more(analysis):
     names = {contestant.name for contestant in analysis.results.contestants if contestant.done}
     assert {"numpy sobol 1 thread", "embree random 2 threads", "numba random 1 thread A/A"} <= names
-    pair = [{"name": "bvh", "leaf": 4, "sah": True}, {"name": "bvh", "leaf": 8, "sah": True}, {"name": "grid"}]
+    pair = [Choice("bvh", {"sah": True, "leaf": 4}), Choice("bvh", {"leaf": 8, "sah": True}), Choice("grid")]
     assert [brief_choice(choice, pair) for choice in pair] == ["bvh(leaf=4)", "bvh(leaf=8)", "grid"]
-    assert choice_text(pair[0]) == "bvh(leaf=4, sah=True)"
+    assert str(pair[0]) == "bvh(leaf=4, sah=True)"
 
 
 def test_contestants_are_unique_within_a_scene(analysis):

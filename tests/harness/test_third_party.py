@@ -67,7 +67,7 @@ def test_it_races_under_the_same_clock(installed, tmp_path):
     outcome, _ = sweeping.run(path, tmp_path / "out")
     assert outcome.states == {"done": 4}
     events = store.latest_cells(store.read_events(tmp_path / "out")).values()
-    assert ["rays" in event["counters"] for event in events if event["engine"] == "cutout"] == [False, False]
+    assert ["rays" in event.counters for event in events if event.engine == "cutout"] == [False, False]
 
 
 def test_broken_ones_are_listed_with_what_is_wrong_and_the_others_work(installed, tmp_path):

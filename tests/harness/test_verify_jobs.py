@@ -25,23 +25,23 @@ def finished(tmp_path_factory):
 
 
 def events(out):
-    return [event for event in store.read_events(out) if event["event"] == "verify_job"]
+    return [event for event in store.read_events(out) if event.event == "verify_job"]
 
 
 def test_every_case_is_asked_of_every_engine_in_every_precision_it_has(finished):
     path, out, outcome = finished
     wanted = planner.make(config.load(path), allow_imports=True).verify_jobs
-    asked = {(e["spec"]["engine"], e["spec"]["precision"], e["spec"]["case"]) for e in events(out)}
+    asked = {(e.spec["engine"], e.spec["precision"], e.spec["case"]) for e in events(out)}
     assert asked == {(each.spec["engine"], each.spec["precision"], each.spec["case"]) for each in wanted}
     assert {("numpy", "float64", "t/radius"), ("numpy", "float64", "leak/scale")} <= asked
     assert len(events(out)) == len(wanted) == len({each.verify_job_id for each in wanted})
-    assert outcome.failed_verify_jobs == [] and {e["state"] for e in events(out)} == {"done"}
+    assert outcome.failed_verify_jobs == [] and {e.state for e in events(out)} == {"done"}
 
 
 def test_the_numpy_engine_passes(finished):
-    found = [f for f in store.check_results(events(finished[1])) if f["engine"] == "numpy"]
-    assert len(found) == 11 + 3 * 7 and {f["outcome"] for f in found} == {"pass"}
-    assert all(f["error"] < 1e-14 for f in found)
+    found = [f for f in store.check_results(events(finished[1])) if f.engine == "numpy"]
+    assert len(found) == 11 + 3 * 7 and {f.outcome for f in found} == {"pass"}
+    assert all(f.error < 1e-14 for f in found)
 
 
 def test_a_second_run_asks_nothing_again_and_another_case_alone(finished):
@@ -51,7 +51,7 @@ def test_a_second_run_asks_nothing_again_and_another_case_alone(finished):
     assert (out / store.EVENTS).read_bytes() == before
     sweeping.run(path, out, ["verify.cases=[t/radius, leak/scale, self/scale]"])
     added = events(out)[made:]
-    assert {event["spec"]["case"] for event in added} == {"self/scale"}
+    assert {event.spec["case"] for event in added} == {"self/scale"}
 
 
 def test_the_report_draws_them_and_has_their_table(finished, tmp_path, with_plots):
@@ -67,7 +67,7 @@ def test_the_report_draws_them_and_has_their_table(finished, tmp_path, with_plot
 def test_findings_no_longer_asked_for_are_left_out(finished):
     path, out, _ = finished
     sweeping.run(path, out, ["verify.cases=[leak/scale]"])
-    assert {finding["case"] for finding in load_results(out).check_results} == {"leak/scale"}
+    assert {finding.case for finding in load_results(out).check_results} == {"leak/scale"}
 
 
 def test_unknown_cases_are_refused_with_the_nearest(tmp_path):

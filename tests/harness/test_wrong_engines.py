@@ -32,13 +32,13 @@ def swept(tmp_path_factory):
 
 
 def events(folder):
-    return {event["engine"]: event for event in store.latest_cells(store.read_events(folder)).values()}
+    return {event.engine: event for event in store.latest_cells(store.read_events(folder)).values()}
 
 
 def test_the_run_goes_to_its_end_and_says_so(swept):
     done, out = swept
     assert done.returncode == 1 and "Traceback" not in done.stderr, done.stderr
-    states = [event["state"] for event in events(out).values()]
+    states = [event.state for event in events(out).values()]
     assert states.count("failed") == len(wrong_engines.WORDS) and states.count("done") == len(RIGHT)
     assert (out / "report.html").is_file()
 
@@ -46,12 +46,12 @@ def test_the_run_goes_to_its_end_and_says_so(swept):
 @pytest.mark.parametrize("name", wrong_engines.WORDS)
 def test_a_wrong_engine_fails_its_cell_and_the_reason_is_clear(swept, name):
     event = events(swept[1])[getattr(wrong_engines, name).name]
-    assert event["state"] == "failed" and wrong_engines.WORDS[name] in event["message"]
+    assert event.state == "failed" and wrong_engines.WORDS[name] in event.message
 
 
 def test_an_engine_that_cannot_say_what_it_can_do_is_tried_and_that_is_said(swept):
     done, out = swept
-    assert {events(out)[name]["state"] for name in ("unsure", "talkative")} == {"done"}
+    assert {events(out)[name].state for name in ("unsure", "talkative")} == {"done"}
     said = " ".join(done.stderr.split())
     assert "unsure: why_not failed: ZeroDivisionError: no tree" in said
     assert "talkative: why_not answered True: None or a sentence is expected" in said
@@ -60,9 +60,9 @@ def test_an_engine_that_cannot_say_what_it_can_do_is_tried_and_that_is_said(swep
 def test_pixels_that_are_not_finite_are_counted_and_win_nothing(swept):
     _, out = swept
     found = events(out)
-    assert [point["metrics"]["nonfinite"] for point in found["late_infinity"]["points"]] == [0, 0, 0, 2]
+    assert [point.metrics["nonfinite"] for point in found["late_infinity"].points] == [0, 0, 0, 2]
     for name in ("not_a_number", "late_infinity", "too_bright"):
-        assert found[name]["points"][-1]["metrics"]["relmse_e0.01"] == math.inf
+        assert found[name].points[-1].metrics["relmse_e0.01"] == math.inf
     ranked = {contestant.settings.engine for contestant in load_results(out).contestants if contestant.done}
     assert ranked == {"steady", "unsure", "talkative"}
     report = (out / "report.html").read_text()
@@ -95,8 +95,8 @@ def test_samples_that_are_not_finite_are_flagged_in_every_table_though_no_pixel_
 
 
 def test_checkpoints_before_the_failure_are_kept(swept):
-    points = events(swept[1])["late_infinity"]["points"]
-    assert [(point["spp"], bool(point["image"])) for point in points] == [(1, True), (2, True), (4, True), (8, False)]
+    points = events(swept[1])["late_infinity"].points
+    assert [(point.spp, bool(point.image)) for point in points] == [(1, True), (2, True), (4, True), (8, False)]
 
 
 @pytest.mark.parametrize(

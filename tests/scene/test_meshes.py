@@ -264,13 +264,35 @@ def test_polygons_of_ply_files_become_fans(tmp_path):
     assert len(scene(tmp_path, "m.ply").shapes[0].faces) == 4
 
 
-def test_binary_ply_files_of_mixed_polygons_are_refused_not_misread(tmp_path):
+def test_binary_ply_files_of_mixed_polygons_become_fans(tmp_path):
     head = PLY_HEAD.split("0 0 0\n", maxsplit=1)[0].replace("ascii", "binary_little_endian").encode()
     vertices = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, 1.5, 0]], "<f4").tobytes()
     faces = struct.pack("<B3iB4i", 3, 0, 1, 2, 4, 0, 1, 2, 3)
     (tmp_path / "m.ply").write_bytes(head + vertices + faces)
-    with pytest.raises(SceneError, match="PLY"):
-        scene(tmp_path, "m.ply")
+    assert scene(tmp_path, "m.ply").shapes[0].faces.tolist() == [[0, 1, 2], [0, 1, 2], [0, 2, 3]]
+    for damaged in (faces[:-1], faces + b"\0", struct.pack("<B3iB4i", 3, 0, 1, 2, 5, 0, 1, 2, 3)):
+        (tmp_path / "m.ply").write_bytes(head + vertices + damaged)
+        with pytest.raises(SceneError, match=r"is not a usable PLY file: (it is cut short|more data follow)"):
+            scene(tmp_path, "m.ply")
+
+
+def test_a_ply_file_may_hold_more_than_a_mesh(tmp_path):
+    """Other elements and properties, in either order of bytes and as text, are read over."""
+    head = "ply\r\nformat {} 1.0\r\ncomment x\r\nelement camera 2\r\nproperty list uchar float view\r\nproperty uint id\r\n"
+    head += "element vertex 3\r\nproperty uchar red\r\nproperty double z\r\nproperty float y\r\nproperty int x\r\n"
+    head += "element face 1\r\nproperty list int float texcoord\r\nproperty list uint8 uint16 vertex_index\r\n"
+    head += "element edge 0\r\nproperty list uchar int ends\r\nend_header\r\n"
+    text = "1 0.5 7\r\n0 7\r\n255 3 2 1\r\n0 6 5 4\r\n9 9 8 7\r\n2 0.25 0.5 3 0 1 2\r\n"
+    contents = [head.format("ascii").encode() + text.encode()]
+    for order, name in (("<", "binary_little_endian"), (">", "binary_big_endian")):
+        rows = struct.pack(f"{order}BfIBI", 1, 0.5, 7, 0, 7)
+        for row in ((255, 3, 2, 1), (0, 6, 5, 4), (9, 9, 8, 7)):
+            rows += struct.pack(f"{order}Bdfi", *row)
+        contents.append(head.format(name).encode() + rows + struct.pack(f"{order}iffB3H", 2, 0.25, 0.5, 3, 0, 1, 2))
+    for content in contents:
+        (tmp_path / "m.ply").write_bytes(content)
+        mesh = scene(tmp_path, "m.ply").shapes[0]
+        assert mesh.vertices.tolist() == [[1, 2, 3], [4, 5, 6], [7, 8, 9]] and mesh.faces.tolist() == [[0, 1, 2]]
 
 
 @pytest.mark.parametrize(
@@ -285,7 +307,17 @@ def test_binary_ply_files_of_mixed_polygons_are_refused_not_misread(tmp_path):
         ("m.ply", (PLY_HEAD + "3 0 1 -1\n3 0 1 2\n").encode()),
         ("m.ply", (PLY_HEAD.replace("1 1 0", "1 nan 0") + "3 0 1 2\n3 0 1 2\n").encode()),
         ("m.ply", PLY_HEAD.replace("vertex 5", "vertex 5000000000").encode()),
+        ("m.ply", (PLY_HEAD + "3 0 1 2\n3 0 1 2\n3 0 1 2\n").encode()),
+        ("m.ply", (PLY_HEAD + "3 0 1 2\n3 0 1 1.5\n").encode()),
+        ("m.ply", (PLY_HEAD + "3 0 1 2\n3 0 1 two\n").encode()),
+        ("m.ply", (PLY_HEAD.replace("ascii", "text") + "3 0 1 2\n3 0 1 2\n").encode()),
+        ("m.ply", (PLY_HEAD.replace("float z", "real z") + "3 0 1 2\n3 0 1 2\n").encode()),
+        ("m.ply", (PLY_HEAD.replace("float z", "float w") + "3 0 1 2\n3 0 1 2\n").encode()),
+        ("m.ply", (PLY_HEAD.replace("end_header\n", "") + "3 0 1 2\n3 0 1 2\n").encode()),
         ("m.stl", b"solid x\nendsolid x\n"),
+        ("m.stl", b"solid x\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\n"),
+        ("m.stl", b"solid x\nvertex 0 0\nvertex 1 0 0 0\nvertex 0 1 0\nendsolid x\n"),
+        ("m.stl", b"solid x\nvertex 0 0 0\nvertex 1 0 0\nendsolid x\n"),
         ("m.stl", b"\0" * 84),
         ("m.stl", b"\xff" * 134),
         (

@@ -112,11 +112,11 @@ def test_negative_texels_of_an_environment_are_black_and_noted(tmp_path):
     assert any("1 texels with negative radiance, down to -0.002, are taken as 0" in warning for warning in found.warnings)
 
 
-def test_a_binary_ply_file_of_mixed_polygons_says_what_to_do(tmp_path):
+def test_a_binary_ply_file_may_mix_polygons(tmp_path):
     head = "ply\nformat binary_little_endian 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
     head += "element face 2\nproperty list uchar int vertex_indices\nend_header\n"
     corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], "<f4").tobytes()
     faces = b"\3" + np.array([0, 1, 2], "<i4").tobytes() + b"\4" + np.array([0, 1, 2, 3], "<i4").tobytes()
     (tmp_path / "m.ply").write_bytes(head.encode() + corners + faces)
-    said = refusal(tmp_path, '<shape type="ply"><string name="filename" value="m.ply"/></shape>')
-    assert "lists of several lengths: triangulate it, or save it as ASCII" in said
+    found = scene(tmp_path, '<shape type="ply"><string name="filename" value="m.ply"/></shape>')
+    assert found.shapes[0].faces.tolist() == [[0, 1, 2], [0, 1, 2], [0, 2, 3]]

@@ -97,15 +97,15 @@ def test_it_is_saved_as_results_and_opens_as_a_report(raced, viewer, folder):
     results = load_results(folder / "results/derby")
     shown = raced.evaluate("raybench.contestants.map(contestant => contestant.points)")
     assert [len(c.done) for c in results.contestants] == [1, 1] and results.targets == [0.5, 1e-7]
-    recorded = {c.settings.sampler: c.done[0]["points"] for c in results.contestants}
+    recorded = {str(c.settings.sampler): c.done[0].points for c in results.contestants}
     for points, sampler in zip(shown, ("sobol(scramble=owen)", "random"), strict=True):
-        assert [point[2] for point in points] == [point["spp"] for point in recorded[sampler]]
-        assert [point[0] for point in points] == pytest.approx([point["seconds"] for point in recorded[sampler]])
-    images = [point["image"] for points in recorded.values() for point in points if point["image"]]
+        assert [point[2] for point in points] == [point.spp for point in recorded[sampler]]
+        assert [point[0] for point in points] == pytest.approx([point.seconds for point in recorded[sampler]])
+    images = [point.image for points in recorded.values() for point in points if point.image]
     assert len(images) >= 4 and all((folder / "results/derby" / image).is_file() for image in images)
     assert not list((folder / "results").glob(".race-*"))
-    (reference,) = [event for event in read_events(folder / "results/derby") if event["event"] == "reference"]
-    assert results.reference(reference["reference_id"]) is not None
+    (reference,) = [event for event in read_events(folder / "results/derby") if event.event == "reference"]
+    assert results.reference(reference.reference_id) is not None
     raced.open(viewer.address + "reports/derby/report.html")
     raced.wait_for("document.getElementById('viewer-canvas').dataset.ready")
     assert "derby" in raced.evaluate("location.href")

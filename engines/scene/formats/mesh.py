@@ -1,20 +1,17 @@
-"""Meshes from files: OBJ (with MTL) and Mitsuba's serialized by our own readers, PLY and STL through trimesh.
+"""Meshes from files: OBJ (with MTL), PLY, STL and Mitsuba's serialized.
 
-OBJ is read here because trimesh sorts its faces by material, takes index 0 for 1, counts negative indices from the end
-of the file, and drops what an MTL says beyond Kd. Faces keep the order of the file; polygons are cut into fans.
+Faces keep the order of the file; polygons are cut into fans.
 """
 
 from __future__ import annotations
 
-import io
 import os
 import struct
-import warnings
 from codecs import BOM_UTF8
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,9 +21,10 @@ from engines.input_files import open_regular, unreadable
 from engines.memory import lacking_memory
 from engines.scene.formats.mtl import read_mtl
 from engines.scene.formats.obj import Polygons, parse_obj
-from engines.scene.formats.ply import UNIT_NORMALS
+from engines.scene.formats.ply import parse_ply
 from engines.scene.formats.serialized import parse_serialized
-from engines.scene.geometry import fans, unit_rows
+from engines.scene.formats.stl import parse_stl
+from engines.scene.geometry import unit_rows
 from engines.scene.materials import Material
 from engines.schema import fields
 from engines.schema.yaml_file import Located
@@ -36,10 +34,6 @@ BYTES_PER_FILE_BYTE = {".obj": 32, ".ply": 12, ".stl": 8, ".serialized": 2}
 """Memory at the height of reading, for each byte of a file."""
 MAX_LIBRARIES = 1000
 """MTL files of an OBJ."""
-
-
-UNEVEN = "it is cut short, or an element mixes lists of several lengths: triangulate it, or save it as ASCII"
-"""What trimesh's "unexpected length" of a binary PLY file means."""
 
 
 class At(Protocol):
@@ -115,7 +109,7 @@ def read_mesh_file(
     data = _content(at, file, suffix)
     if suffix == ".serialized":
         return _read_serialized(at, data, normals, uvs, shape_index)
-    return _read_with_trimesh(at, suffix, data, normals, uvs)
+    return _read_ply(at, data, normals, uvs) if suffix == ".ply" else _read_stl(at, data)
 
 
 def _content(at: At, file: Path, suffix: str) -> bytes:
@@ -250,107 +244,29 @@ def _listed(names: Sequence[str]) -> str:
     return ", ".join(names[:5]) + more
 
 
-def _read_with_trimesh(at: At, suffix: str, data: bytes, with_normals: bool, with_uvs: bool) -> MeshData:
+def _read_ply(at: At, data: bytes, with_normals: bool, with_uvs: bool) -> MeshData:
     try:
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore")
-            warnings.filterwarnings("error", message=".*could not be read to its end.*")
-            found = _ply_parts(data) if suffix == ".ply" else _stl_parts(data)
-            parts = [_arrays(part) for part in found]
-    except Exception as problem:
-        reason = UNEVEN if "unexpected length" in str(problem) and b"\nformat binary" in data[:1000] else str(problem)
-        raise at.refuse(f"is not a usable {suffix[1:].upper()} file: {reason}") from problem
-    if not any(len(part.faces) for part in parts):
+        found = parse_ply(data)
+    except ValueError as problem:
+        raise at.refuse(f"is not a usable PLY file: {problem}") from problem
+    if len(found.faces) == 0:
         raise at.refuse("has no faces")
-    vertices = np.concatenate([part.vertices for part in parts])
-    starts = np.cumsum([0] + [len(part.vertices) for part in parts])
-    faces = np.concatenate(
-        [_triangles(at, part.faces, len(part.vertices)) + start for part, start in zip(parts, starts[:-1], strict=True)]
-    )
-    alone = parts[0] if len(parts) == 1 else None
-    if alone is None:
-        return _mesh_data(at, vertices, faces, None, None)
-    normals = alone.normals if with_normals else None
-    made = _mesh_data(at, vertices, faces, normals, alone.uvs if with_uvs else None)
-    if alone.exact and normals is not None and np.allclose(np.linalg.norm(normals, axis=1), 1.0, 0.0, 1e-9):
+    normals = found.normals if with_normals else None
+    made = _mesh_data(at, found.vertices, found.faces, normals, found.uvs if with_uvs else None)
+    if found.exact and normals is not None and np.allclose(np.linalg.norm(normals, axis=1), 1.0, 0.0, 1e-9):
         made = replace(made, normals=normals)
-    numbers = alone.face_materials
+    numbers = found.face_materials
     return made if numbers is None or len(numbers) != len(made.faces) else replace(made, face_materials=numbers)
 
 
-class _Part(NamedTuple):
-    vertices: NDArray[np.float64]
-    faces: NDArray[Any]
-    normals: NDArray[np.float64] | None
-    uvs: NDArray[np.float64] | None
-    face_materials: NDArray[np.int32] | None
-    exact: bool
-
-
-def _arrays(part: dict[str, Any]) -> _Part:
-    """What trimesh found, as arrays; it gives lists and arrays of objects where a file is damaged."""
-    vertices, normals = np.asarray(part["vertices"], np.float64), part.get("vertex_normals")
-    if vertices.ndim != 2 or vertices.shape[1] != 3:
-        raise ValueError(f"vertices of shape {vertices.shape}")
-    uvs = part.get("uvs")
-    if uvs is not None and uvs.shape != (len(vertices), 2):
-        raise ValueError(f"texture coordinates of shape {uvs.shape}")
-    if normals is not None:
-        normals = np.asarray(normals, np.float64)
-    return _Part(vertices, np.asarray(part["faces"]), normals, uvs, part.get("face_materials"), part.get("exact", False))
-
-
-def _ply_parts(data: bytes) -> list[dict[str, Any]]:
-    from trimesh.exchange.ply import load_ply
-
-    found = load_ply(io.BytesIO(data), fix_texture=False, skip_materials=True)
-    elements = found["metadata"]["_ply_raw"]
-    for name, element in elements.items():
-        _check_ply_element(name, element)
-    if found.get("faces") is None:
-        return []
-    content = elements["face"]["data"]
-    for name in ("vertex_index", "vertex_indices"):
-        if isinstance(content, dict) and name in content and content[name].dtype == object:
-            # polygons of several lengths: trimesh would put the triangles before the others
-            counts = np.array([len(polygon) for polygon in content[name]], np.int64)
-            found["faces"] = np.concatenate(content[name])[fans(counts)[0]]
-    exact = UNIT_NORMALS in data[:1000]
-    return [found | {"uvs": _ply_uvs(elements["vertex"]["data"]), "face_materials": _face_materials(content), "exact": exact}]
-
-
-def _face_materials(content: Any) -> NDArray[np.int32] | None:
-    """(m,) the column `material` of the faces, where they have one."""
-    names = content.dtype.names or () if isinstance(content, np.ndarray) else content
-    return np.asarray(content["material"]).reshape(-1).astype(np.int32) if "material" in names else None
-
-
-PLY_UVS = (("u", "v"), ("s", "t"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
-
-
-def _ply_uvs(content: Any) -> NDArray[np.float64] | None:
-    """(n, 2) texture coordinates of the vertices: columns of an array, or of a dict where the file is text."""
-    names = content.dtype.names or () if isinstance(content, np.ndarray) else content
-    pair = next((pair for pair in PLY_UVS if all(name in names for name in pair)), None)
-    return None if pair is None else np.stack([np.asarray(content[name], np.float64).reshape(-1) for name in pair], axis=1)
-
-
-def _check_ply_element(name: str, element: dict[str, Any]) -> None:
-    """trimesh reads every list of a binary file at the length of the first: mixed polygons would become garbage."""
-    content = element.get("data")
-    if not isinstance(content, np.ndarray) or content.dtype.names is None:
-        return
-    for key in content.dtype.names:
-        lists = content[key]
-        if lists.dtype.names == ("f0", "f1") and lists["f1"].ndim == 2 and (lists["f0"] != lists["f1"].shape[1]).any():
-            raise ValueError(f"element {name!r} mixes lists of several lengths: triangulate it, or save it as ASCII")
-
-
-def _stl_parts(data: bytes) -> list[dict[str, Any]]:
-    from trimesh.exchange.stl import load_stl
-
-    found = load_stl(io.BytesIO(data))
-    return [found] if "faces" in found else list(found.get("geometry", {}).values())
+def _read_stl(at: At, data: bytes) -> MeshData:
+    try:
+        vertices = parse_stl(data)
+    except ValueError as problem:
+        raise at.refuse(f"is not a usable STL file: {problem}") from problem
+    if len(vertices) == 0:
+        raise at.refuse("has no faces")
+    return _mesh_data(at, vertices, np.arange(len(vertices)).reshape(-1, 3), None, None)
 
 
 def _triangles(at: At, faces: NDArray[Any], vertices: int) -> NDArray[np.int64]:

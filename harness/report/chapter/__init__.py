@@ -1,9 +1,10 @@
-"""A chapter about results: `raybench report FOLDER... --chapter DIR`, with prose of one's own by `--prose FILE`.
+"""A chapter about results: `raybench report FOLDER... --chapter DIR`, or a text of one's own by a script.
 
 Each results folder gives one section of tables and figures, in the order given; its experiment's name says which module makes
 it (`WRITERS`, anything else is `chapter.experiment`). A writer is a function `section(analysis, plots) -> Section`, which saves
-its figures with `figures.finished` and returns text as `chapter.document` has it. Prose chooses among those tables and
-figures, and its claims are checked: `chapter.prose`.
+its figures with `figures.finished` and returns text as `chapter.document` has it. A script gives `write_chapter` a function
+that makes another chapter of these sections: `template.filled` fills in a text, and `facts.Facts` says what results say, for
+its numbers and for assertions on its claims. results/dissertation/chapter.py is one.
 """
 
 from __future__ import annotations
@@ -15,21 +16,27 @@ from engines.errors import ConfigError
 from harness.analysis import Analysis, analyse
 from harness.report.chapter import dahlquist, experiment
 from harness.report.chapter.document import Chapter, Section, html, latex, markdown
+from harness.report.chapter.facts import Facts
+from harness.report.chapter.template import filled
 from harness.report.plots.figures import style
 from harness.report.plots.style import FORMATS
 from harness.store.atomic import write_text
 from harness.store.results import load_results
 
-__all__ = ["write_chapter"]
+__all__ = ["Chapter", "Facts", "Section", "filled", "write_chapter"]
 
 TITLE = "Results"
 WRITERS: dict[str, Callable[[Analysis, Path], Section]] = {"dahlquist": dahlquist.section}
 
 
-def write_chapter(folders: Sequence[Path], target: Path, prose: Path | None = None) -> list[Path]:
+Compose = Callable[[Sequence[Analysis], Sequence[Section]], Chapter]
+
+
+def write_chapter(folders: Sequence[Path], target: Path, compose: Compose | None = None) -> list[Path]:
     """Writes chapter.md, chapter.tex, chapter.html and plots/ into `target`; returns the three texts.
 
-    Raises ConfigError where a folder has no results, and where `prose` claims what they do not say.
+    `compose` makes the chapter of the analyses and sections of the folders; without it the sections follow each other. Raises
+    `ConfigError` where a folder has no results, and what `compose` raises.
     """
     if not folders:
         raise ConfigError("a chapter needs a results folder")
@@ -40,11 +47,7 @@ def write_chapter(folders: Sequence[Path], target: Path, prose: Path | None = No
         old.unlink()
     with style():
         sections = [_section(analysis, plots) for analysis in analyses]
-    chapter = Chapter(TITLE, sections)
-    if prose is not None:
-        from harness.report.chapter.prose import chapter as written
-
-        chapter = written(prose, analyses, sections)
+    chapter = compose(analyses, sections) if compose else Chapter(TITLE, sections)
     texts = {"chapter.md": markdown(chapter), "chapter.tex": latex(chapter), "chapter.html": html(chapter)}
     for name, text in texts.items():
         write_text(target / name, text)

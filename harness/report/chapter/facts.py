@@ -1,4 +1,4 @@
-"""What prose may ask of the results, by the names of `Facts.vocabulary`.
+"""What results say, in the words of a text about them: plain functions for its template, and for assertions.
 
 A phrase names configurations by their words, with commas: `sphereflake, embree, 1 thread`. What it leaves open is filled from
 the `usual` words, in their order; one configuration must be left. Several phrases in a list mean that something holds of each.
@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from engines.errors import ConfigError
-from harness.analysis import Analysis, error_targets
+from harness.analysis import Analysis
 from harness.report.chapter import experiment, measures
 from harness.report.chapter.families import AXES, SPEEDS, Family, Measure, best, compare, families, thousands, words
+from harness.report.chapter.words import interval
+from harness.report.tables.model import number_text
 from harness.statistics import Estimate, Ratio
 from harness.store.results import Contestant
 
@@ -29,40 +31,6 @@ class Facts:
         self._usual = usual
         self._contestants = [(analysis, set(named.values()), one) for analysis in analyses for named, one in words(analysis)]
         self._families = [(analysis, family) for analysis in analyses for axis in AXES for family in families(analysis, axis)]
-
-    def vocabulary(self) -> Mapping[str, Callable[..., Any]]:
-        """The functions that prose may call."""
-        compared = {
-            "faster": (_speeds, "faster"),
-            "same_speed": (_speeds, "same"),
-            "less_error": (_errors, "faster"),
-            "same_error": (_errors, "same"),
-            "sooner": (_times, "faster"),
-            "same_time": (_times, "same"),
-        }
-        ratios = {"speedup": _speeds, "error_ratio": _errors, "time_ratio": _times}
-        return {
-            **{name: self._claim(*how) for name, how in compared.items()},
-            **{name: self._ratios(how) for name, how in ratios.items()},
-            "fastest": self.fastest,
-            "speed": self._of(lambda a, c: thousands(c)),
-            "cost": self._of(lambda a, c: experiment.nanoseconds(c)),
-            "build": self._of(measures.build_milliseconds),
-            "error": self.error,
-            "tail_share": self.tail_share,
-            "target": self.target,
-            "spp": self.spp,
-            "primitives": self._of(lambda a, c: experiment.primitives(c)),
-            "cells": self._of(_cells),
-            "contended": self._of(lambda a, c: experiment.contended_cells(a)),
-            "noise_floor": self._of(_floor),
-            "blocks": self._of(lambda a, c: len({cell.block for cell in c.done})),
-            "place": self._of(_place),
-            "low": lambda found: min(one.low for one in _each(found)),
-            "high": lambda found: max(one.high for one in _each(found)),
-            "least": lambda found: min(one[0] for one in _each(found)),
-            "most": lambda found: max(one[0] for one in _each(found)),
-        }
 
     # ---- one configuration -------------------------------------------------------------------------------------------
 
@@ -80,8 +48,13 @@ class Facts:
             found = [one for one in found if word in words_of(one)] or found
         return found
 
-    def _of(self, function: Callable[[Analysis, Contestant], Any]) -> Callable[[str], Any]:
-        return lambda phrase: function(*self._one(phrase))
+    def speed(self, phrase: str) -> Estimate:
+        """Thousands of paths per second."""
+        return thousands(self._one(phrase)[1])
+
+    def build(self, phrase: str) -> Estimate:
+        """Milliseconds of a build in a warm process."""
+        return measures.build_milliseconds(*self._one(phrase))
 
     def error(self, phrase: str, spp: int) -> Estimate:
         """relMSE of all pixels at a number of samples, not corrected for the reference's noise."""
@@ -92,6 +65,31 @@ class Facts:
         analysis, one = self._one(phrase)
         whole, trimmed = measures.errors_untrimmed_and_trimmed(analysis, one, spp)
         return 100 * measures.share_of_the_worst(whole.value, trimmed.value, measures.pixels(one))
+
+    def primitives(self, phrase: str) -> int:
+        """Primitives of its scene."""
+        return experiment.primitives(self._one(phrase)[1])
+
+    def blocks(self, phrase: str) -> int:
+        """Blocks in which it was measured."""
+        return len({cell.block for cell in self._one(phrase)[1].done})
+
+    def cells(self, phrase: str) -> int:
+        """Cells of its experiment."""
+        return len(self._one(phrase)[0].results.cells)
+
+    def contended(self, phrase: str) -> int:
+        """Cells of its experiment that shared the machine with other work while they were timed."""
+        return experiment.contended_cells(self._one(phrase)[0])
+
+    def noise_floor(self, phrase: str) -> float:
+        """Noise floor of times on its scene, in per cent."""
+        analysis, one = self._one(phrase)
+        return 100 * math.expm1(analysis.floor(one.settings.scene))
+
+    def place(self, phrase: str) -> str:
+        """On what machine it was measured, and when: a sentence."""
+        return experiment.place(self._one(phrase)[0])[0]
 
     # ---- pairs -------------------------------------------------------------------------------------------------------
 
@@ -107,50 +105,56 @@ class Facts:
         analysis, family = self._family(phrase, one, other)
         return compare(analysis, family, one, other, measuring(analysis, family))
 
-    def _ratios(self, measuring: Measuring) -> Callable[[Where, str, str], Any]:
-        """How many times better the first is: by speed, error or time to the hardest common target."""
+    def _ratios(self, where: Where, one: str, other: str, measuring: Measuring) -> Ratios:
+        return Ratios({phrase: self._compared(phrase, one, other, measuring) for phrase in _phrases(where)})
 
-        def ratios(where: Where, one: str, other: str) -> Any:
-            found = [self._compared(phrase, one, other, measuring) for phrase in _phrases(where)]
-            return found[0] if isinstance(where, str) else found
+    def speedup(self, where: Where, one: str, other: str) -> Ratios:
+        """How many times as fast the one is, per sample."""
+        return self._ratios(where, one, other, lambda analysis, family: SPEEDS)
 
-        return ratios
+    def error_ratio(self, where: Where, one: str, other: str) -> Ratios:
+        """How many times as large the other's error is, at the most samples that all of the family have."""
+        return self._ratios(where, one, other, _errors)
 
-    def _claim(self, measuring: Measuring, verdict: str) -> Callable[[Where, str, str], Verdicts]:
-        def claim(where: Where, one: str, other: str) -> Verdicts:
-            found = {phrase: self._compared(phrase, one, other, measuring) for phrase in _phrases(where)}
-            return Verdicts(found, verdict)
-
-        return claim
+    def time_ratio(self, where: Where, one: str, other: str) -> Ratios:
+        """How many times as long the other takes to the hardest target that all of the family reach with every seed."""
+        return self._ratios(where, one, other, _times)
 
     def fastest(self, where: Where, one: str) -> bool:
         """Whether nothing else of its family may be the fastest, in each of the places."""
         return all(best(*self._family(phrase, one)) == [one] for phrase in _phrases(where))
 
-    def target(self, phrase: str, member: str) -> float:
-        """The hardest target that all of a family reach with every seed."""
-        analysis, family = self._family(phrase, member)
-        index = measures.hardest_target(analysis, family)
-        return math.nan if index is None else error_targets(analysis.results)[index]
 
-    def spp(self, phrase: str, member: str) -> int:
-        """The samples per pixel at which errors of a family are compared."""
-        _, family = self._family(phrase, member)
-        return measures.common_spp(list(family.members.values())) or 0
+class Ratios:
+    """How many times better one is than another, in each place. As text, the ratio with its interval, or of several the least
+    and the greatest."""
 
+    def __init__(self, found: Mapping[str, Ratio]) -> None:
+        self.found = found
 
-class Verdicts:
-    """Ratios by phrase; true where each has the verdict."""
+    @property
+    def better(self) -> bool:
+        """Whether the one is better in every place, beyond the noise floor."""
+        return all(ratio.verdict == "faster" for ratio in self.found.values())
 
-    def __init__(self, ratios: Mapping[str, Ratio], verdict: str) -> None:
-        self.ratios, self.verdict = ratios, verdict
+    @property
+    def least(self) -> float:
+        return min(ratio.ratio for ratio in self.found.values())
 
-    def __bool__(self) -> bool:
-        return all(ratio.verdict == self.verdict for ratio in self.ratios.values())
+    @property
+    def greatest(self) -> float:
+        return max(ratio.ratio for ratio in self.found.values())
 
+    def __str__(self) -> str:
+        if len(self.found) == 1:
+            return interval(next(iter(self.found.values())))
+        return " to ".join(dict.fromkeys(map(number_text, (self.least, self.greatest))))
 
-def _speeds(analysis: Analysis, family: Family) -> Measure:
-    return SPEEDS
+    @property
+    def verdicts(self) -> str:
+        """What was found in each place."""
+        verdicts = {"faster": "better", "slower": "worse"}
+        return ", ".join(f"{verdicts.get(r.verdict, r.verdict)} on {where}, {interval(r)}" for where, r in self.found.items())
 
 
 def _errors(analysis: Analysis, family: Family) -> Measure:
@@ -164,25 +168,8 @@ def _times(analysis: Analysis, family: Family) -> Measure:
     return measures.times_to(analysis, family, index)
 
 
-def _cells(analysis: Analysis, contestant: Contestant) -> int:
-    return len(analysis.results.cells)
-
-
-def _floor(analysis: Analysis, contestant: Contestant) -> float:
-    """Per cent."""
-    return 100 * math.expm1(analysis.floor(contestant.settings.scene))
-
-
-def _place(analysis: Analysis, contestant: Contestant) -> str:
-    return experiment.place(analysis)[0]
-
-
 def _phrases(where: Where) -> Sequence[str]:
     return [where] if isinstance(where, str) else where
-
-
-def _each(found: Any) -> Sequence[Any]:
-    return found if isinstance(found, list) else [found]
 
 
 def _number(names: Sequence[str], noun: str) -> str:
