@@ -9,10 +9,11 @@ from harness.analysis import Analysis
 from harness.measure.machine import usable_cores
 from harness.report.plots.catalogue import plots_of
 from harness.report.plots.chart import Picture, Plot
+from harness.report.plots.stability import plots as stability_plots
 from harness.report.plots.style import FORMATS, Palette, formats
 from harness.store.confined import inside
 
-__all__ = ["Palette", "Picture", "Plot", "plots_of", "write_files", "write_plots"]
+__all__ = ["Palette", "Picture", "Plot", "plots_of", "stability_plots", "write_files", "write_plots"]
 
 WORTH_A_SECOND_PROCESS = 6
 """Figures from which on a second process, which needs a second to start, draws every other one."""

@@ -73,12 +73,12 @@ def table(results: Sequence[CheckResult], names: Sequence[str] = ()) -> Table:
 
 def write(results: Sequence[CheckResult], folder: Path, quick: bool) -> None:
     """Writes verify.json, .csv, .tex (without the long texts) and .html, and plots/ where there is something to plot."""
-    from harness.report.plots import stability, write_files
+    from harness.report.plots import stability_plots, write_files
     from harness.report.plots.figures import picture
     from harness.report.plots.style import formats
 
     folder.mkdir(parents=True, exist_ok=True)
-    plots = stability.plots(results)
+    plots = stability_plots(results)
     write_files(plots, folder / "plots")
     pictures = [picture(plot) for plot in plots] if formats() else []
     texts = {
