@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -147,8 +147,8 @@ def _heading(name: Any) -> str:
     return " ".join(str(part) for part in name if str(part)) if isinstance(name, tuple) else str(name)
 
 
-def _kind(values: Sequence[Any] | pd.Series) -> str:
-    """The kind of a `Column`."""
+def _kind(values: Any) -> str:
+    """The kind of the `Column` that a column of a DataFrame becomes."""
     if types.is_bool_dtype(values):
         return "flag"
     if types.is_integer_dtype(values):

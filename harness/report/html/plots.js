@@ -50,20 +50,22 @@ function layoutFor(described, width) {
   const room = right ? width - legendWidth : width;
   const columns = Math.max(1, Math.min(described.columns, Math.floor(room / SUBPLOT)));
   const rows = Math.ceil(count / columns);
+  const names = layout.yaxis.ticktext || [];
+  const wraps = names.some((name) => name.length >= LONG_NAME) && width < NARROW;
+  const scale = width === PRINTED ? 0.7 : 1; // Two plots a page.
+  const rowHeight = Math.max(scale * described.height, wraps ? 30 * names.length + 60 : 130);
   for (let k = 0; k < count; k++) {
     const [x, y, left, below] = [axisOf(layout, "x", k), axisOf(layout, "y", k), axisOf(layout, "y", k - 1), axisOf(layout, "x", k + columns)];
     const inner = k % columns > 0;
+    if (6.5 * y.title.text.length > rowHeight - 90) y.title.text = wrapped(y.title.text);
     if (y.ticktext && width < NARROW) y.ticktext = y.ticktext.map(wrapped);
     const texts = y.ticktext && !(inner && !described.texts) ? 6.5 * Math.max(...y.ticktext.flatMap((text) => text.split("<br>")).map((line) => line.length)) : 40;
     if (!x.tickvals) x.nticks = Math.max(3, Math.round((room / columns - texts) / 60));
     if (inner && !described.texts) y.showticklabels = false;
-    if (inner && y.title.text === described.layout[`yaxis${k > 1 ? k : ""}`].title.text) y.title.text = "";
+    if (inner && described.layout[`yaxis${k + 1}`].title.text === described.layout[`yaxis${k > 1 ? k : ""}`].title.text) y.title.text = "";
     if (below && below.title.text === x.title.text) x.title.text = "";
   }
   const lines = right ? 0 : Math.min(8, Math.ceil(entries.length / Math.max(1, Math.floor(width / legendWidth))));
-  const names = layout.yaxis.ticktext || [];
-  const wraps = names.some((name) => name.length >= LONG_NAME) && width < NARROW;
-  const rowHeight = Math.max(described.height, wraps ? 30 * names.length + 60 : 130);
   layout.grid = { rows, columns, pattern: "independent", xgap: described.texts ? 0.22 : 0.08, ygap: Math.min(0.45, 75 / rowHeight) };
   layout.width = width;
   layout.height = Math.round(rowHeight * rows + 19 * lines + (right ? 0 : 20));
