@@ -55,7 +55,7 @@ function layoutFor(described, width) {
   const scale = width === PRINTED ? 0.7 : 1; // Two plots a page.
   const rowHeight = Math.max(scale * described.height, wraps ? 30 * names.length + 60 : 130);
   for (let k = 0; k < count; k++) {
-    const [x, y, left, below] = [axisOf(layout, "x", k), axisOf(layout, "y", k), axisOf(layout, "y", k - 1), axisOf(layout, "x", k + columns)];
+    const [x, y, below] = [axisOf(layout, "x", k), axisOf(layout, "y", k), axisOf(layout, "x", k + columns)];
     const inner = k % columns > 0;
     if (6.5 * y.title.text.length > rowHeight - 90) y.title.text = wrapped(y.title.text);
     if (y.ticktext && width < NARROW) y.ticktext = y.ticktext.map(wrapped);
