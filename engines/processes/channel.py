@@ -17,8 +17,6 @@ import threading
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-BUFFER_BYTES = 1 << 20
-"""Of a socket: with Linux' 208 KiB both processes must wake up several times for a frame of pixels."""
 MARK = b"rayb"
 HEAD = struct.Struct("<4sIQ")
 _SIZE = struct.Struct("<Q")
@@ -137,14 +135,6 @@ class Channel:
         while not self._poll.poll(milliseconds):
             assert pause is not None
             milliseconds = 1e3 * pause()
-
-
-def pair() -> tuple[socket.socket, socket.socket]:
-    """Two connected sockets, with room for a frame of pixels where the system grants it."""
-    both = socket.socketpair()
-    for each in both:
-        each.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER_BYTES)
-    return both
 
 
 def framed(data: bytes, beside: Sequence[memoryview] = ()) -> bytes:

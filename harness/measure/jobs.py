@@ -13,11 +13,11 @@ from typing import Any
 from engines.errors import Unsupported
 from engines.interface import FullPattern
 from engines.scene import load_scene
-from harness.config.settings import engine_settings
 from harness.measure import clock, films, tracing
 from harness.measure.contention import Disturbance
 from harness.measure.messages import End, Go, Parent, Point, Prepared, Traced, Unwritten
 from harness.measure.schedule import Schedule
+from harness.settings import CellSettings, engine_settings
 
 TIMED_HERE = ("build_seconds", "compile_seconds")
 """Counters that are not passed on: the phases of the first renderer are what was waited for."""
@@ -100,7 +100,7 @@ def loaded(request: Mapping[str, Any]) -> tuple[Any, float]:
 def settings_of(request: Mapping[str, Any], seed: int, sampler: Any = None) -> Any:
     """The request's settings, with another sampler where one is given."""
     settings = request["settings"] if sampler is None else {**request["settings"], "sampler": sampler}
-    return engine_settings(settings, seed, request["allow_imports"])
+    return engine_settings(CellSettings.of(settings), seed, request["allow_imports"])
 
 
 def hand_over(parent: Parent, engine: Any, film: Any, request: Mapping[str, Any], spp: int, **measured: Any) -> None:

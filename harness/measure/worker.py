@@ -52,7 +52,6 @@ def main(descriptors: Sequence[int], arguments: Sequence[str]) -> None:
         parent.send(messages.Failed(failure))
         os._exit(0)
     # What a cell needs besides, so that children find it.
-    import harness.config.settings
     import harness.measure.clock
     import harness.measure.jobs  # noqa: F401
 

@@ -7,16 +7,20 @@ from dataclasses import replace
 from types import MappingProxyType
 
 import pytest
+import yaml
 
+from engines.choices import Choice
 from engines.errors import ConfigError, RaybenchError
 from engines.interface import FullPattern
 from engines.peers.external import Engine as Program
 from engines.peers.mitsuba import Engine as MitsubaEngine
+from engines.schema.yaml_file import parse_yaml
 from harness import config
+from harness.config import read_file
 from harness.config.paths import shipped
-from harness.config.trace import is_trace
 from harness.hashing import canonical_json, digest
-from harness.plan import planner, state
+from harness.plan import answers, planner, state
+from harness.trace.experiment import TRACE
 from tests import needs
 from tests.harness import fake_engines, sweeping
 
@@ -126,7 +130,7 @@ def test_every_scene_has_a_twin_of_its_baseline_s_first_configuration(tmp_path):
     )
     (tmp_path / "two.yaml").write_text(sweeping.SCENE.replace("radius: 1", "radius: 2"))
     made = planned(tmp_path, text.replace("repeats: 2", "repeats: 3"))
-    twins = [(c.scene.name, c.engine_name, c.settings["sampler"]["name"]) for c in made.cells if c.label == planner.AA_LABEL]
+    twins = [(c.scene.name, c.engine_name, c.settings.sampler.name) for c in made.cells if c.label == planner.AA_LABEL]
     assert sorted(twins) == sorted(3 * [("ball", "other", "sobol"), ("two", "steady", "sobol")])
     assert not any(cell.label for cell in planned(tmp_path, text, ["repeats=3", "timing=false"]).cells)
     assert not any(cell.label for cell in planned(tmp_path, text, ["repeats=3", "aa_twin=false"]).cells)
@@ -182,7 +186,7 @@ def test_an_accelerator_of_one_engine_is_skipped_by_another(tmp_path):
 
 def test_precision_is_float64_unless_asked_for_or_there_is_only_float32(tmp_path):
     text = sweeping.EXPERIMENT.replace("fake_engines:Other", "fake_engines:Single")
-    assert {(c.engine_name, c.settings["precision"]) for c in planned(tmp_path, text).cells} == {
+    assert {(c.engine_name, c.settings.precision) for c in planned(tmp_path, text).cells} == {
         ("steady", "float64"),
         ("single", "float32"),
     }
@@ -199,15 +203,15 @@ class Unsure(fake_engines.Steady):
 def test_a_cell_says_whether_its_sampler_is_smooth_and_its_engine_reproducible(tmp_path):
     """`random` alone of raybench's own; plugins and engines say so for theirs; a program's samplers are not known."""
     text = sweeping.EXPERIMENT.replace("matrix: {", "matrix: {sampler: [random, sobol, stratified, halton], ")
-    smooth = {cell.settings["sampler"]["name"]: cell.smooth_sampler for cell in planned(tmp_path, text).cells}
+    smooth = {cell.settings.sampler.name: cell.smooth_sampler for cell in planned(tmp_path, text).cells}
     assert smooth == {"random": True, "sobol": False, "stratified": False, "halton": False}
     mitsuba = ("random", "independent"), ("stratified", "multijitter", "orthogonal", "ldsampler")
-    found = [[planner._is_smooth(MitsubaEngine(), {"name": name}, False) for name in names] for names in mitsuba]
+    found = [[answers.is_smooth(MitsubaEngine(), Choice(name), False) for name in names] for names in mitsuba]
     assert found == [[True] * 2, [False] * 4]
-    assert not planner._is_smooth(Program("configs/renderers/raybench.yaml"), {"name": "random"}, False)
+    assert not answers.is_smooth(Program("configs/renderers/raybench.yaml"), Choice("random"), False)
     assert all(cell.reproducible for cell in planned(tmp_path).cells)
-    assert not planner._is_reproducible(Program("configs/renderers/raybench.yaml"))
-    assert planner._is_reproducible(MitsubaEngine()) and not planner._is_reproducible(Unsure())
+    assert not answers.is_reproducible(Program("configs/renderers/raybench.yaml"))
+    assert answers.is_reproducible(MitsubaEngine()) and not answers.is_reproducible(Unsure())
 
 
 def test_a_sampler_s_plugin_says_whether_it_is_smooth(tmp_path, monkeypatch):
@@ -215,7 +219,7 @@ def test_a_sampler_s_plugin_says_whether_it_is_smooth(tmp_path, monkeypatch):
         "from engines.plugin import Sampler\nplain = Sampler('plain', smooth=True)\nnet = Sampler('net')\n"
     )
     monkeypatch.syspath_prepend(str(tmp_path))
-    found = [planner._is_smooth(fake_engines.Steady(), {"name": f"own_samplers:{name}"}, True) for name in ("plain", "net")]
+    found = [answers.is_smooth(fake_engines.Steady(), Choice(f"own_samplers:{name}"), True) for name in ("plain", "net")]
     assert found == [True, False]
 
 
@@ -227,7 +231,7 @@ def test_a_reference_takes_the_samplers_that_cells_take(sampler, tmp_path, monke
     made = planned(tmp_path, overrides=[f"reference.sampler={sampler}", f"sampler={sampler}"])
     (wanted,) = made.references.values()
     assert {cell.skip for cell in made.cells} == {None}
-    assert wanted.spec["sampler"] == wanted.settings["sampler"] == made.cells[0].settings["sampler"]
+    assert wanted.spec["sampler"] == wanted.settings.sampler.describe() == made.cells[0].settings.sampler.describe()
     name = wanted.spec["sampler"]["name"]
     assert name in sampler and (name in wanted.spec["code"]) == (":" in name), "a plugin's code is part of what is asked"
 
@@ -294,7 +298,7 @@ def test_the_preimage_of_an_id_is_plain_data_and_complete(tmp_path):
         assert {"scene", "engine", "engine_version", "shader", "seed", "width", "schema"} <= set(cell.spec)
 
 
-@pytest.mark.parametrize("name", sorted(name for name, path in shipped("configs").items() if not is_trace(path)))
+@pytest.mark.parametrize("name", sorted(name for name, path in shipped("configs").items() if not read_file(path).says(TRACE)))
 def test_every_shipped_experiment_can_be_planned_and_says_its_question(name, monkeypatch, tmp_path):
     (tmp_path / "other").symlink_to(sys.prefix)
     monkeypatch.setenv("RAYBENCH_OTHER", str(tmp_path / "other"))
@@ -303,6 +307,10 @@ def test_every_shipped_experiment_can_be_planned_and_says_its_question(name, mon
     assert experiment.name == name and experiment.question and text.startswith(f"# {experiment.question}")
     assert experiment.warnings == ()
     made = planner.make(experiment, allow_commands=True)
+    again = config.parse(parse_yaml(yaml.safe_dump(experiment.normalised()), "again.yaml", ConfigError), tmp_path)
+    assert again == experiment, "what a manifest holds is a valid file"
+    same = planner.make(again, allow_commands=True)
+    assert (same.cells, same.references.keys()) == (made.cells, made.references.keys())
     unsaid = [warning for warning in made.warnings if "dropped, as the expected image" not in warning]  # of XML scenes
     refused = {cell.skip for cell in made.cells if cell.skip}
     expected = ("bpy is not installed", "pyluxcore is not installed", needs.lacking("mitsuba-llvm") or "bpy is not installed")

@@ -4,6 +4,7 @@ import shutil
 
 import numpy as np
 import pytest
+import yaml
 
 from engines.errors import ConfigError
 from engines.image import read_film_layers, read_provenance
@@ -107,6 +108,17 @@ def test_the_second_run_does_nothing(finished):
     outcome, listener = sweeping.run(path, out)
     assert outcome.measured == 0 and listener.cells == []
     assert (out / store.EVENTS).read_bytes() == before
+
+
+def test_the_config_of_a_manifest_is_a_file_that_runs_again(finished, tmp_path):
+    """Beside the same code and with the same results it finds all measured."""
+    _, out, _, _ = finished
+    again = tmp_path / "again.yaml"
+    again.write_text(yaml.safe_dump(store.read_manifest(out).config))
+    shutil.copytree(out, tmp_path / "out")
+    outcome, listener = sweeping.run(again, tmp_path / "out")
+    assert outcome.measured == 0 and listener.cells == [] and outcome.states
+    assert store.read_manifest(tmp_path / "out").cell_ids == store.read_manifest(out).cell_ids
 
 
 def test_manifest_and_run_event_tell_what_ran_where(finished):

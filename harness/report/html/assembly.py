@@ -128,13 +128,12 @@ def plot_figure(plot: Plot | Picture) -> Markup:
 
 def trace_html(results: TraceResults, table: Table, plots: Sequence[Plot]) -> str:
     """The report of a comparison by rays as one document."""
-    question = str(results.config.get("question") or "")
     return (
         _environment()
         .get_template("trace.html.j2")
         .render(
             title=results.name,
-            question=question,
+            question=results.experiment.question or "",
             table=table,
             plots=[plot_figure(plot) for plot in plots],
             library=library(),
