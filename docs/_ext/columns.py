@@ -12,7 +12,9 @@ from harness.report.tables import all_tables, changes
 from harness.report.tables.accelerators import accelerators
 from harness.report.tables.equivalence import accuracy
 from harness.report.tables.scaling import scaling
+from harness.store.records import Manifest
 from harness.store.results import results_of
+from harness.store.validation import FORMAT_VERSION
 from harness.trace.records import TraceResults
 
 KINDS = {
@@ -26,7 +28,7 @@ KINDS = {
 
 
 def text() -> str:
-    empty = results_of(Path("results/NAME"), {}, [])
+    empty = results_of(Path("results/NAME"), Manifest(raybench_results=FORMAT_VERSION), [])
     analysis = analyse(empty)
     people = [*all_tables(analysis), accelerators(analysis), scaling(analysis), accuracy(analysis), changes([empty], [empty])]
     parts = ["## DataFrames"]
