@@ -38,7 +38,7 @@ def text() -> str:
     parts += [table(("Column", "Meaning"), [(code(key), plain(value)) for key, value in METRIC_MEANINGS.items()])]
     parts += ["## For people", "Each as `.csv`, `.md` and `.tex` in `tables/`."]
     parts += [_section(each.name, each) for each in people]
-    none = TraceResults(name="", time="", config={}, machine={}, entries=[])
+    none = TraceResults(name="", time="", config={"raybench_trace": 1, "scene": "cornell_box"}, machine={}, entries=[])
     parts += ["## Of rays", "The table of `raybench trace`.", _section("trace", trace_table(none))]
     return "\n\n".join(parts)
 
