@@ -39,7 +39,7 @@ def write_derived(folder: Path, plugins: Sequence[Plugin] = ()) -> None:
 
 
 def _plugins(own: Sequence[tuple[str, str]], allow_imports: bool) -> list[Plugin]:
-    from harness.config.settings import require_imports
+    from harness.settings import require_imports
     from harness.report.plugins import plugin
 
     for _, name in own:
