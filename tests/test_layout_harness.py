@@ -36,7 +36,8 @@ PUBLIC = {
     *("harness.statistics", "harness.statistics.convergence", "harness.statistics.equivalence"),
     *("harness.analysis", "harness.analysis.equivalence", "harness.analysis.frames", "harness.analysis.races"),
     *("harness.report", "harness.report.html.assembly", "harness.report.plots", "harness.report.plots.curves"),
-    *("harness.report.plots.style", "harness.report.tables", "harness.report.tables.evidence", "harness.report.tables.model"),
+    *("harness.report.plots.chart", "harness.report.plots.figures", "harness.report.plots.style"),
+    *("harness.report.tables", "harness.report.tables.evidence", "harness.report.tables.model"),
 }
 """What of the core the rooms may use: the names of these modules that do not begin with an underscore."""
 
