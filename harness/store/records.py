@@ -54,6 +54,11 @@ def _unicode(value: Any) -> Any:
     return value.encode(errors="replace").decode() if isinstance(value, str) and not value.isascii() else value
 
 
+def _one_nan(value: float) -> float:
+    """NaN as one object: Python calls collections that hold the same one equal."""
+    return math.nan if math.isnan(value) else value
+
+
 def _choice(value: Any) -> Choice:
     if isinstance(value, Choice):
         return value
@@ -72,7 +77,7 @@ Pixels = Annotated[int, Field(ge=1, le=65_536)]
 Threads = Annotated[int, Field(ge=1, le=65_536)]
 MetricName = Annotated[str, AfterValidator(_metric)]
 Target = Annotated[float, Field(gt=0, le=1e30)]
-Numbers = dict[str, float | None]
+Numbers = dict[str, Annotated[float, AfterValidator(_one_nan)] | None]
 Setting = Annotated[Choice, PlainValidator(_choice), PlainSerializer(Choice.describe)]
 """A shader, sampler or accelerator with its options, in JSON `{"name": ..., option: value}`."""
 AsObject = PlainSerializer(lambda value: None if value is None else value._asdict())

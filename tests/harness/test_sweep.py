@@ -11,9 +11,11 @@ from engines.image import read_film_layers, read_provenance
 from harness import config, store
 from harness.analysis import targets
 from harness.plan import planner
+from harness.store import validation
 from harness.store.records import Targets
 from harness.store.results import load_results
 from tests.harness import sweeping
+from tests.harness.synthetic import SMALL, base_cell
 
 ENGINES = "['fake_engines:Steady', 'fake_engines:Other']"
 
@@ -248,7 +250,9 @@ def test_automatic_targets_are_resolved_once(tmp_path):
 
 def test_automatic_targets_are_round_falling_and_reachable():
     def cell(scene, error, state="done"):
-        return {"state": state, "scene_hash": scene, "points": [{"metrics": {"mse": error}}]}
+        made = base_cell((scene, "numba", "bvh", "random", 1, None), 0, SMALL)
+        point = {"spp": 1, "seconds": 1.0, "metrics": {"mse": error}, "image": None}
+        return validation.event({**made, "state": state, "points": [point]}, "a cell")
 
     cells = [cell("a", e) for e in (0.02, 0.025, 0.2)] + [cell("b", 1e-4), cell("b", 9.0, "failed")]
     assert targets.automatic_targets(cells, "mse") == [1.0, 0.3, 0.1, 0.03]
