@@ -39,8 +39,8 @@ def write_derived(folder: Path, plugins: Sequence[Plugin] = ()) -> None:
 
 
 def _plugins(own: Sequence[tuple[str, str]], allow_imports: bool) -> list[Plugin]:
-    from harness.settings import require_imports
     from harness.report.plugins import plugin
+    from harness.settings import require_imports
 
     for _, name in own:
         require_imports(name, allow_imports)
