@@ -20,6 +20,8 @@ from harness.config import read_file
 from harness.config.paths import shipped
 from harness.hashing import canonical_json, digest
 from harness.plan import answers, planner, state
+from harness.store import records
+from harness.store.records import Point
 from harness.trace.experiment import TRACE
 from tests import needs
 from tests.harness import fake_engines, sweeping
@@ -271,14 +273,22 @@ def test_code_named_in_a_file_is_not_imported_unless_allowed(tmp_path):
         planner.make(config.load(sweeping.write(tmp_path)), allow_imports=False)
 
 
+def measured(cell, **fields):
+    """The record of a cell that was measured to its end."""
+    said = ("cell_id", "configuration", "block", "seed", "scene_hash", "reference_id")
+    own = {key: getattr(cell, key) for key in said} | cell.settings.fields()
+    return records.Cell(**own, env_id="e", state="done", scene=cell.scene.name, engine=cell.engine_name, **fields)
+
+
 def test_an_event_answers_its_cell_only_with_today_s_reference_and_metric(tmp_path):
     cell = planned(tmp_path).cells[0]
-    event = {"state": "done", "reference_id": cell.reference_id, "points": [{"metrics": {"relmse_e0.01": 1.0}}]}
+    point = Point(spp=1, seconds=0.1, metrics={"relmse_e0.01": 1.0}, image=None)
+    event = measured(cell, points=(point,))
     assert state.state_of(cell, None, "mse") == "queued"
     assert state.state_of(cell, event, "relmse_e0.01") == "done"
     assert state.state_of(cell, event, "relmse_e0.1") == "outdated"
-    assert state.state_of(cell, {**event, "reference_id": "old"}, "relmse_e0.01") == "outdated"
-    assert state.state_of(cell, {**event, "state": "timeout", "points": []}, "mse") == "timeout"
+    assert state.state_of(cell, event.replaced(reference_id="old"), "relmse_e0.01") == "outdated"
+    assert state.state_of(cell, event.replaced(state="timeout", points=()), "mse") == "timeout"
     assert state.state_of(replace(cell, skip="no"), event, "mse") == "skipped"
 
 
@@ -286,7 +296,7 @@ def test_expected_times_come_from_the_same_configuration_else_from_the_budget(tm
     first, *rest = planned(tmp_path).cells
     twin = next(cell for cell in rest if cell.configuration == first.configuration)
     other = next(cell for cell in rest if cell.configuration != first.configuration)
-    events = {first.cell_id: {"state": "done", "configuration": first.configuration, "wall_seconds": 0.7}}
+    events = {first.cell_id: measured(first, wall_seconds=0.7)}
     expected = state.expected_seconds([twin, other], events)
     assert expected[twin.cell_id] == (0.7, True)
     assert expected[other.cell_id] == (pytest.approx(5.0 + state.OVERHEAD_SECONDS, rel=1e-3), False), "96 pixels are scored"
