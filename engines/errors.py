@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 MOST_NAMES = 100
 """Known names that a message lists."""
@@ -43,6 +43,15 @@ class UnknownName(RaybenchError):
 
 class Unsupported(RaybenchError):
     """A scene or setting that an engine cannot do; the message is what `Engine.why_not` answers."""
+
+
+def why_unsupported(function: Callable[..., object], *arguments: object) -> str | None:
+    """The words of the `Unsupported` that a call raises; None where it raises none."""
+    try:
+        function(*arguments)
+    except Unsupported as error:
+        return str(error)
+    return None
 
 
 class RendererFailed(RaybenchError):

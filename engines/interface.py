@@ -7,17 +7,20 @@ and fills a film. Shaders, samplers, accelerators and cameras are chosen by name
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from engines.choices import SAMPLERS, SHADERS, Option, resolve
 from engines.errors import ConfigError
 from engines.film import Film
 from engines.scene import Camera, Scene, Shape
 
 OnPass = Callable[[Film], Any]
+Table = Mapping[str, Mapping[str, Option]]
+"""Options by name, of each name of a shader, sampler or accelerator."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +53,19 @@ class Settings:
             object.__setattr__(self, key, int(value))
         if self.precision not in (None, "float32", "float64"):
             raise ConfigError(f"settings.precision = {self.precision!r}: must be float32 or float64")
+
+    def resolved(
+        self, accelerators: Table, precision: str | None, shaders: Table = SHADERS, samplers: Table = SAMPLERS
+    ) -> Settings:
+        """These with shader, sampler and accelerator as `Choice`s with every option, by the tables of an engine, and with its
+        `precision` where they name none. Raises `UnknownName` and `ConfigError` as `engines.choices.resolve` does."""
+        return replace(
+            self,
+            shader=resolve("shader", self.shader, shaders),
+            sampler=resolve("sampler", self.sampler, samplers),
+            accelerator=resolve("accelerator", self.accelerator, accelerators),
+            precision=self.precision or precision,
+        )
 
     def size(self, scene: Scene) -> tuple[int, int]:
         """(width, height) in pixels, from here or from the scene's camera."""

@@ -4,7 +4,7 @@ import pickle
 
 import pytest
 
-from engines.errors import ConfigError, RaybenchError, SceneError, UnknownName, Unsupported, suggestion
+from engines.errors import ConfigError, RaybenchError, SceneError, UnknownName, Unsupported, suggestion, why_unsupported
 
 
 def test_the_nearest_name_is_proposed_before_the_list():
@@ -44,3 +44,16 @@ def test_a_message_is_one_line_whatever_it_quotes(kind):
     assert str(error) == r"m\n\r\u2028.obj: \x1b[31mred\x07 \udc80 is ö"
     assert str(pickle.loads(pickle.dumps(error))) == str(error)
     assert "\n" not in str(UnknownName("engine", "a\nb", ["c\nd"]))
+
+
+def test_why_unsupported_gives_the_words_and_lets_other_errors_pass():
+    def lacks(word):
+        raise Unsupported(f"no {word}")
+
+    def wrong():
+        raise ConfigError("wrong")
+
+    assert why_unsupported(lacks, "hats") == "no hats"
+    assert why_unsupported(str, 1) is None
+    with pytest.raises(ConfigError):
+        why_unsupported(wrong)

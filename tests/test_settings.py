@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from engines.errors import ConfigError
+from engines.errors import ConfigError, UnknownName
 from engines.interface import Settings
 from engines.scene import Perspective, Scene
 
@@ -35,3 +35,19 @@ def test_integers_of_numpy_become_plain():
     settings = Settings(width=np.int64(8), seed=np.uint64(2**64 - 1))
     assert type(settings.width) is int
     assert settings.seed == 2**64 - 1
+
+
+def test_resolved_settings_have_every_choice_and_a_precision():
+    found = Settings(width=8, shader={"name": "path_tracer", "max_depth": 3}).resolved({"auto": {}}, "float32")
+    assert (found.shader.name, found.shader.options["max_depth"]) == ("path_tracer", 3)
+    assert (found.sampler.name, found.accelerator.name, found.precision, found.width) == ("sobol", "auto", "float32", 8)
+    assert Settings(precision="float64").resolved({"auto": {}}, "float32").precision == "float64"
+    assert found.resolved({"auto": {}}, "float64") == found
+
+
+@pytest.mark.parametrize("key", ["shader", "sampler", "accelerator"])
+def test_a_name_that_is_in_no_table_is_refused(key):
+    tables = {"accelerators": {"auto": {}}, "precision": "float32", "samplers": {"sobol": {}}}
+    with pytest.raises(UnknownName, match=key):
+        Settings(**{key: "halton"}).resolved(**tables)
+    assert Settings(shader="own").resolved(**tables, shaders={"own": {}}).shader.name == "own"

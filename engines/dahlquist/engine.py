@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from engines.choices import SAMPLERS, SHADERS, resolve
 from engines.concurrency import CallGuard
 from engines.dahlquist import area_hierarchy, physical
 from engines.dahlquist.animation import COLOURS, RADII, REAL, Reals
@@ -37,9 +36,7 @@ class Engine:
 
     def why_not(self, scene: Scene, settings: Settings) -> str | None:
         """None for the five balls, wherever they are, in a square image. Raises `UnknownName` and `ConfigError`."""
-        resolve("shader", settings.shader, SHADERS)
-        resolve("sampler", settings.sampler, SAMPLERS)
-        resolve("accelerator", settings.accelerator, self.accelerators())
+        settings.resolved(self.accelerators(), None)
         width, height = settings.size(scene)
         camera = scene.camera
         view = physical.field_of_view()

@@ -8,7 +8,7 @@ from importlib import metadata
 import numpy as np
 
 from engines.choices import Choice, Option, one_of
-from engines.errors import Unsupported
+from engines.errors import Unsupported, why_unsupported
 from engines.interface import Settings
 from engines.numpy_reference.accelerators.exhaustive import Exhaustive
 from engines.numpy_reference.accelerators.nearest import Part
@@ -46,11 +46,7 @@ class Engine:
         return ACCELERATORS
 
     def why_not(self, scene: Scene, settings: Settings) -> str | None:
-        try:
-            self._supported(scene, settings)
-        except Unsupported as error:
-            return str(error)
-        return None
+        return why_unsupported(self._supported, scene, settings)
 
     def prepare(self, scene: Scene, settings: Settings) -> Renderer:
         return Renderer(scene, self._supported(scene, settings), _tracer)

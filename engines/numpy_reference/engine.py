@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
-from engines.choices import SAMPLERS, SHADERS, Choice, Option, resolve
-from engines.errors import Unsupported
+from engines.choices import Choice, Option
+from engines.errors import Unsupported, why_unsupported
 from engines.interface import Settings
 from engines.numpy_reference.renderer import Renderer, require_numpy
 from engines.scene import Scene
@@ -38,38 +37,33 @@ class Engine:
 
     def why_not(self, scene: Scene, settings: Settings) -> str | None:
         """None where `prepare` would work, else one sentence that says what is lacking."""
-        try:
-            supported(scene, settings, ACCELERATORS, self.name)
-        except Unsupported as error:
-            return str(error)
-        return None
+        return why_unsupported(self._supported, scene, settings)
 
     def prepare(self, scene: Scene, settings: Settings) -> Renderer:
         """Raises `UnknownName`, `ConfigError` for bad settings, and `Unsupported` with the words of `why_not`."""
-        return Renderer(scene, supported(scene, settings, ACCELERATORS, self.name))
+        return Renderer(scene, self._supported(scene, settings))
 
     def accelerators(self) -> Mapping[str, Mapping[str, Option]]:
         """`none`: every ray against everything. `bvh`: an eight-wide tree. `auto`: the faster one for the scene."""
         return ACCELERATORS
 
+    def _supported(self, scene: Scene, settings: Settings) -> Settings:
+        return supported(scene, settings, ACCELERATORS, self.name)
+
 
 def supported(scene: Scene, settings: Settings, accelerators: Mapping[str, Mapping[str, Option]], name: str) -> Settings:
     """The settings with every choice resolved; raises where the engine `name` cannot follow them."""
-    chosen = {
-        "shader": resolve("shader", settings.shader, SHADERS),
-        "sampler": resolve("sampler", settings.sampler, SAMPLERS),
-        "accelerator": resolve("accelerator", settings.accelerator, accelerators),
-    }
+    chosen = settings.resolved(accelerators, "float64")
     if refusal := refusal_of(scene):
         raise Unsupported(refusal)
-    if settings.precision == "float32":
+    if chosen.precision == "float32":
         raise Unsupported(f"the engine {name} computes in float64 only")
-    if chosen["accelerator"].plugin is not None:
+    if chosen.accelerator.plugin is not None:
         raise Unsupported(f"the engine {name} takes no accelerator plugins")
-    for kind in ("shader", "sampler"):
-        _require_numpy(kind, chosen[kind])
+    _require_numpy("shader", chosen.shader)
+    _require_numpy("sampler", chosen.sampler)
     require_numpy(scene, f"the engine {name}")
-    return replace(settings, precision="float64", **chosen)
+    return chosen
 
 
 def _require_numpy(kind: str, choice: Choice) -> None:

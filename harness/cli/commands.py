@@ -184,13 +184,26 @@ def report(
             help="Write a chapter into this folder instead: tables and figures, with a section for each results folder.",
         ),
     ] = None,
+    plot: Annotated[
+        Optional[list[str]],  # noqa: UP045
+        typer.Option(metavar="NAME", help="Show a plot of your own, too: module:function, or a name that a plugin registers."),
+    ] = None,
+    table: Annotated[
+        Optional[list[str]],  # noqa: UP045
+        typer.Option(metavar="NAME", help="Show a table of your own, too: module:function, or a name that a plugin registers."),
+    ] = None,
+    allow_imports: AllowImports = False,
     references: References = None,
 ) -> None:
     """Write tables, plots and report.html of results folders again, without rendering; or a chapter about them."""
+    from engines.errors import ConfigError
     from harness.cli import results
 
+    own = [*(("plot", name) for name in plot or ()), *(("table", name) for name in table or ())]
     if chapter is None:
-        results.report(folders or [])
+        results.report(folders or [], own, allow_imports)
+    elif own:
+        raise ConfigError(f"--{own[0][0]} {own[0][1]}: is for a report: a chapter has none")
     else:
         results.chapter(folders or [], chapter)
 

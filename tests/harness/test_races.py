@@ -224,10 +224,10 @@ def test_the_first_lines_say_how_many_timings_were_contended(tmp_path, contended
 def test_below_three_blocks_each_is_drawn_as_a_dot(tmp_path, blocks, dots):
     """Warm and cold, for two contestants; from three blocks on a dot is a mean, and has a whisker."""
     analysis = analyse(results(tmp_path, contestant(0.2, engine="numpy", blocks=blocks), twins(blocks=blocks)))
-    figure = quality_bars(analysis, panels(analysis)[0], Palette(analysis.results))
-    drawn = [line for line in figure.axes[0].get_lines() if line.get_marker() == "o" and len(line.get_xdata())]
-    assert [len(line.get_xdata()) for line in drawn] == [dots] * 4
-    whiskers = [line for line in figure.axes[0].get_lines() if line.get_linewidth() == 1.2]
+    chart = quality_bars(analysis, panels(analysis)[0], Palette(analysis.results))
+    drawn = [series for series in chart.subplots[0].content if series.look.marker == "o"]
+    assert [series.y.tolist().count(row) for series in drawn for row in dict.fromkeys(series.y)] == [dots] * 4
+    whiskers = [low for series in drawn for low, _ in series.x_interval if math.isfinite(low)]
     assert len(whiskers) == (4 if dots == 1 else 0)
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from engines.peers.adapters.colors import LUMINANCE
 from engines.peers.mitsuba.bsdfs import bsdf_node, material_lacks
 from engines.peers.mitsuba.cameras import sensor
 from engines.peers.mitsuba.description import scene_lacks
@@ -12,7 +13,7 @@ from engines.peers.mitsuba.lights import light_node
 from engines.peers.mitsuba.nodes import Placing
 from engines.peers.mitsuba.shapes import parts
 from engines.peers.mitsuba.stage import _with_transforms
-from engines.peers.mitsuba.textures import LUMINANCE, Textures
+from engines.peers.mitsuba.textures import Textures
 from engines.scene import (
     Blend,
     Bump,

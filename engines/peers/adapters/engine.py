@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Container, Iterator, Mapping
-from dataclasses import replace
 from importlib import metadata, util
 from typing import Any
 
-from engines.choices import SAMPLERS, SHADERS, Choice, Option, resolve
-from engines.errors import Unsupported
+from engines.choices import SAMPLERS, SHADERS, Choice, Option
+from engines.errors import Unsupported, why_unsupported
 from engines.interface import Settings
 from engines.peers.adapters.image_renderer import ImageRenderer
-from engines.scene import EnvironmentLight, Orthographic, PointLight, Scene, Texture
+from engines.peers.adapters.lacks import environments_lack, point_lights_lack
+from engines.scene import Orthographic, Scene, Texture
 from engines.scene.support import foreign, refusal_of
 
 CAMERA_KEYS = {"principal_point": (0.0, 0.0), "mirror": False, "clip": (0.0, float("inf"))}
@@ -83,30 +83,21 @@ class AdapterEngine:
 
     def why_not(self, scene: Scene, settings: Settings) -> str | None:
         """See `engines.interface.Engine`: the first thing that is not listed, then what `lacks` says, then what to install."""
-        return self._reason(scene, self.resolved(settings))
+        return why_unsupported(self._supported, scene, settings)
 
     def prepare(self, scene: Scene, settings: Settings) -> ImageRenderer:
         """A `renderer` of the resolved settings; see `engines.interface.Engine`."""
-        chosen = self.resolved(settings)
-        reason = self._reason(scene, chosen)
+        return self.renderer(self, scene, self._supported(scene, settings))
+
+    def _supported(self, scene: Scene, settings: Settings) -> Settings:
+        """The resolved settings; raises `Unsupported` for the first thing that is lacking, what has to be installed last."""
+        shaders, samplers = {**SHADERS, **self.own_shaders}, {**SAMPLERS, **self.own_samplers}
+        chosen = settings.resolved(self.accelerators(), self.precision, shaders, samplers)
+        found = (*self._settings_lack(chosen), refusal_of(scene), *self._scene_lacks(scene))
+        reason = next(filter(None, found), None) or self.lacks(scene, chosen) or self._missing()
         if reason is not None:
             raise Unsupported(reason)
-        return self.renderer(self, scene, chosen)
-
-    def resolved(self, settings: Settings) -> Settings:
-        """The settings with every choice and the precision filled in. Raises `UnknownName` and `ConfigError`."""
-        return replace(
-            settings,
-            shader=resolve("shader", settings.shader, {**SHADERS, **self.own_shaders}),
-            sampler=resolve("sampler", settings.sampler, {**SAMPLERS, **self.own_samplers}),
-            accelerator=resolve("accelerator", settings.accelerator, self.accelerators()),
-            precision=settings.precision or self.precision,
-        )
-
-    def _reason(self, scene: Scene, chosen: Settings) -> str | None:
-        """Why not, by the first thing that is lacking; what has to be installed comes last."""
-        found = (*self._settings_lack(chosen), refusal_of(scene), *self._scene_lacks(scene))
-        return next(filter(None, found), None) or self.lacks(scene, chosen) or self._missing()
+        return chosen
 
     def _missing(self) -> str | None:
         if not self.module or self.module in sys.modules or util.find_spec(self.module) is not None:
@@ -142,10 +133,8 @@ class AdapterEngine:
                 yield f"material {material.name!r}: {name} takes no emission from a texture"
             if material.emits and material.two_sided and not self.two_sided:
                 yield f"material {material.name!r}: {name} has no surfaces that emit on both sides"
-        if any(isinstance(light, PointLight) and not light.falloff for light in scene.lights):
-            yield f"{name}'s point lights fall off with the square of the distance"
-        if sum(isinstance(light, EnvironmentLight) for light in scene.lights) > 1:
-            yield f"the scene has several environments, of which {name} renders one"
+        yield point_lights_lack(scene, name)
+        yield environments_lack(scene, name)
 
 
 def _listed(values: Container[Any]) -> str:

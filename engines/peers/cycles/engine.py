@@ -6,8 +6,9 @@ import numpy as np
 
 from engines.interface import Settings
 from engines.peers.adapters import MEANS_ALONE, AdapterEngine, version_with
+from engines.peers.adapters.lacks import OUT_OF_RANGE, out_of_range
 from engines.peers.cycles.geometry import spheres_lack
-from engines.peers.cycles.nodes import placed, texels
+from engines.peers.cycles.nodes import placed
 from engines.peers.cycles.renderer import Renderer
 from engines.scene import (
     BLACK,
@@ -98,8 +99,8 @@ class Engine(AdapterEngine):
             return f"Blender renders no images of less than {LEAST_SIDE} pixels a side"
         for material in scene.materials:
             found = next(filter(None, map(bsdf_lacks, members(material.as_bsdf))), None)
-            if found is None and any(not ((t >= 0.0) & (t <= 1.0)).all() for t in map(texels, placed(material))):
-                found = "textures that leave the range in which raybench holds them"
+            if found is None and any(map(out_of_range, members(material.as_bsdf))):
+                found = OUT_OF_RANGE
             if found is None and has_null_lobes(material.as_bsdf) and settings.shader.options["max_depth"] < DEEP:
                 found = f"surfaces that rays pass, which are no segments there, unless max_depth is {DEEP} or more"
             if found is not None:

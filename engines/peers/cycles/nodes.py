@@ -111,6 +111,9 @@ class Nodes:
                 return self.mixed(self.value(weight), self.bsdf(a), self.bsdf(b))
             case Sides(front, back):
                 return self.mixed(self._backfacing(), self.bsdf(front), self.bsdf(back))
+            case None:
+                return None
+        raise AssertionError(f"{type(given).__name__} has no nodes: the engine declines it")
 
     def _mixture(self, given: Mixture) -> Any:
         diffuse = None if given.kd == BLACK else self.bsdf(Diffuse(given.kd))

@@ -17,14 +17,15 @@ import numpy as np
 
 import engines.scene as model
 from engines.errors import Unsupported
+from engines.peers.adapters.colors import largest, mirror_share
 from engines.peers.adapters.geometry import extent, pieces
+from engines.peers.adapters.lacks import point_lights_lack
 from engines.peers.adapters.tessellation import squares
 from engines.peers.export.files import Beside, numbers
 from engines.peers.mitsuba.bsdfs import material_lacks
 from engines.peers.mitsuba.cameras import CAMERAS, camera_lacks
 from engines.peers.mitsuba.lights import LIGHTS
 from engines.peers.mitsuba.shapes import SHAPES
-from engines.peers.mitsuba.textures import largest
 from engines.scene.frames import facing
 from engines.scene.leaf_fields import is_rough
 from engines.scene.shapes import as_spheres
@@ -61,7 +62,7 @@ def _lacks(scene: model.Scene) -> str | None:
     for material in scene.materials:
         if lacks := material_lacks(material) or _bsdf_lacks(material.as_bsdf):
             return f"material {material.name!r}: pbrt does not support {lacks}"
-    return next(filter(None, map(_light_lacks, scene.lights)), None)
+    return next(filter(None, map(_light_lacks, scene.lights)), None) or point_lights_lack(scene, "pbrt")
 
 
 def _view_lacks(camera: Any) -> str | None:
@@ -73,8 +74,6 @@ def _view_lacks(camera: Any) -> str | None:
 def _light_lacks(light: model.Light) -> str | None:
     if isinstance(light, model.EnvironmentLight) and light.image is not None:
         return "pbrt's images of the sky are octahedral, and ours is latitude-longitude"
-    if isinstance(light, model.PointLight) and not light.falloff:
-        return "pbrt's point lights fall off with the square of the distance"
     if isinstance(light, model.SpotLight) and light.beam_width < light.cutoff:
         return "pbrt's spot lights fall off smoothly in the cosine, and ours linearly in the angle"
     return None
@@ -160,18 +159,17 @@ def _roughness(alpha: Any) -> str:
 
 
 def _mixture(name: str, lobes: Any) -> Iterator[str]:
-    diffuse, mirror = max(lobes.kd), max(lobes.ks)
+    share = mirror_share(lobes)
     if max(lobes.kt) > 0.0:
         yield _named(name, "dielectric", f'"float eta" [ {lobes.ior!r} ]')
-    elif mirror == 0.0:
+    elif share == 0.0:
         yield _named(name, "diffuse", _rgb("reflectance", lobes.kd))
-    elif diffuse == 0.0:
+    elif share == 1.0:
         yield _named(name, "conductor", _rgb("reflectance", lobes.ks))
     else:
-        weight = mirror / (diffuse + mirror)
-        yield _named(f"{name}_kd", "diffuse", _rgb("reflectance", np.divide(lobes.kd, 1.0 - weight)))
-        yield _named(f"{name}_ks", "conductor", _rgb("reflectance", np.divide(lobes.ks, weight)))
-        yield _named(name, "mix", f'"string materials" [ "{name}_kd" "{name}_ks" ] "float amount" [ {weight!r} ]')
+        yield _named(f"{name}_kd", "diffuse", _rgb("reflectance", np.divide(lobes.kd, 1.0 - share)))
+        yield _named(f"{name}_ks", "conductor", _rgb("reflectance", np.divide(lobes.ks, share)))
+        yield _named(name, "mix", f'"string materials" [ "{name}_kd" "{name}_ks" ] "float amount" [ {share!r} ]')
 
 
 def _named(name: str, kind: str, parameters: str) -> str:

@@ -6,7 +6,6 @@ import re
 import shutil
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -14,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.choices import SAMPLERS, SHADERS, Choice, Option, resolve
-from engines.errors import RendererFailed, Unsupported
+from engines.choices import SAMPLERS, SHADERS, Choice, Option
+from engines.errors import RendererFailed, Unsupported, why_unsupported
 from engines.interface import Settings
 from engines.peers.adapters import MEANS_ALONE, ImageRenderer, derive_seed
 from engines.peers.external.description import UNITS, Description, read
@@ -75,33 +74,26 @@ class Engine:
 
     def why_not(self, scene: Scene, settings: Settings) -> str | None:
         """None where the program is there and its file says that it can do this."""
-        try:
-            self._supported(scene, settings)
-        except Unsupported as error:
-            return str(error)
-        return None
+        return why_unsupported(self._supported, scene, settings)
 
     def prepare(self, scene: Scene, settings: Settings) -> Renderer:
         return Renderer(self, self._description, scene, self._supported(scene, settings))
 
     def _supported(self, scene: Scene, settings: Settings) -> Settings:
         description = self._description
-        shader = resolve("shader", settings.shader, SHADERS)
-        sampler = resolve("sampler", settings.sampler, SAMPLERS)
-        resolve("accelerator", settings.accelerator, self.accelerators())
+        chosen = settings.resolved(self.accelerators(), description.precision)
         if refusal := refusal_of(scene):
             raise Unsupported(refusal)
         program(description)
-        self._require("shader", shader, description.shaders, SHADERS)
-        self._require("sampler", sampler, description.samplers, SAMPLERS)
-        if settings.precision not in (None, description.precision):
+        self._require("shader", chosen.shader, description.shaders, SHADERS)
+        self._require("sampler", chosen.sampler, description.samplers, SAMPLERS)
+        if chosen.precision != description.precision:
             raise Unsupported(f"{description.name} computes in {description.precision}")
         if description.threads not in (None, settings.threads):
             raise Unsupported(f"{description.name} always takes {description.threads} threads")
-        resolved = replace(settings, shader=shader, sampler=sampler, precision=description.precision)
         with TemporaryFolder() as folder:
-            FORMATS[description.scene_format](scene, resolved, Path(folder))
-        return resolved
+            FORMATS[description.scene_format](scene, chosen, Path(folder))
+        return chosen
 
     def _require(
         self, kind: str, asked: Choice, known: Mapping[str, Choice], table: Mapping[str, Mapping[str, Option]]

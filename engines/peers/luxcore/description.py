@@ -76,7 +76,7 @@ def shapes(scene: Scene) -> Iterator[Shape]:
                 placed = np.diag([radius, radius, radius, 1.0])
                 placed[:3, 3] = center
                 vertices, faces = given or (None, None)
-                yield Shape(f"{name}_{part}", shape.material, unit_sphere, vertices, faces, vertices, transformation=placed)
+                yield Shape(f"{name}_{part}", spheres.material, unit_sphere, vertices, faces, vertices, transformation=placed)
         elif isinstance(shape, (Plane, Disk, Cylinder)):
             yield Shape(name, shape.material, name, *_flat_or_round(shape, size))
 

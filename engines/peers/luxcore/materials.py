@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from engines.peers.adapters.colors import mirror_share
+from engines.peers.adapters.lacks import OUT_OF_RANGE, mixture_lacks, out_of_range
 from engines.scene import BLACK, Bsdf, Conductor, Dielectric, Diffuse, ImageTexture, Material, Mixture
 from engines.scene.bsdf_tree import textures
 
@@ -23,7 +25,7 @@ def _texture_lacks(material: Material, texture: ImageTexture) -> str | None:
         return "textures on anything but a diffuse BSDF"
     if (texture.filter, texture.wrap) != ("bilinear", "repeat"):
         return "textures other than bilinear, repeated ones"
-    return None if 0.0 <= texture.pixels.min() <= texture.pixels.max() <= 1.0 else "textures that leave [0, 1]"
+    return OUT_OF_RANGE if out_of_range(bsdf) else None
 
 
 def material_lacks(material: Material) -> str | None:
@@ -37,15 +39,7 @@ def material_lacks(material: Material) -> str | None:
         return None if bsdf.eta == BLACK else "a smooth metal with Fresnel's reflectance"
     if isinstance(bsdf, Dielectric) and bsdf.alpha != (0.0, 0.0):
         return "rough glass with raybench's microfacets (its own are Schlick's)"
-    if isinstance(bsdf, Mixture):
-        diffuse, mirror, glass = (weights != BLACK for weights in (bsdf.kd, bsdf.ks, bsdf.kt))
-        if glass and (diffuse or not bsdf.fresnel):
-            return "refraction without Fresnel's equations, or beside a diffuse lobe"
-        if mirror and not glass and bsdf.fresnel:
-            return "a mirror with Fresnel's equations and without refraction"
-        if mirror and diffuse and max(_rgb(bsdf.kd)) + max(_rgb(bsdf.ks)) > 1.0:
-            return "a diffuse and a mirror lobe whose largest components add up to more than 1"
-    return None
+    return mixture_lacks(bsdf) if isinstance(bsdf, Mixture) else None
 
 
 def material_properties(name: str, material: Material, importance: float) -> Properties:
@@ -55,8 +49,7 @@ def material_properties(name: str, material: Material, importance: float) -> Pro
     if texture_of(material) is not None:
         whole: Properties = {"type": "matte", "kd": f"{name}_map"}
     elif isinstance(bsdf, Mixture) and BLACK not in (bsdf.kd, bsdf.ks):
-        kd, ks = _rgb(bsdf.kd), _rgb(bsdf.ks)
-        share = max(ks) / (max(kd) + max(ks))
+        kd, ks, share = _rgb(bsdf.kd), _rgb(bsdf.ks), mirror_share(bsdf)
         lobes = {"diffuse": ("matte", "kd", kd, 1.0 - share), "mirror": ("mirror", "kr", ks, share)}
         for part, (kind, key, color, weight) in lobes.items():
             found |= {f"{name}_{part}.type": kind, f"{name}_{part}.{key}": [value / weight for value in color]}

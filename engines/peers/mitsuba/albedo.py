@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from engines.peers.mitsuba.textures import is_texture, largest, scaled
+from engines.peers.adapters.colors import largest, scaled
 from engines.scene import (
     BLACK,
     WHITE,
@@ -26,6 +26,7 @@ from engines.scene import (
     Principled,
     Scene,
     Sides,
+    Texture,
     ThinDielectric,
 )
 from engines.scene.bsdf_tree import members
@@ -47,7 +48,7 @@ def painted(scene: Scene) -> tuple[Scene, float]:
 def albedo_lacks(scene: Scene) -> str | None:
     """One sentence on what Mitsuba cannot show of the scene, or None."""
     for material in scene.materials:
-        of_textures = (is_texture(color) for part in members(material.as_bsdf) for color in _colors(part))
+        of_textures = (isinstance(color, Texture) for part in members(material.as_bsdf) for color in _colors(part))
         if material.emits and any(of_textures):
             return f"material {material.name!r}: Mitsuba's albedo has no emission where a texture is black"
     return None

@@ -10,10 +10,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from engines.peers.adapters.colors import largest, mirror_share, scaled
+from engines.peers.adapters.lacks import OUT_OF_RANGE, mixture_lacks, out_of_range
 from engines.peers.mitsuba.nodes import Node, rgb
-from engines.peers.mitsuba.textures import Textures, largest, least, scaled
+from engines.peers.mitsuba.textures import Textures
 from engines.scene import BLACK, Blend, Bsdf, Bump, Checkerboard, Dielectric, Diffuse, Mask, Material, Mixture, NormalMap, Sides
-from engines.scene.bsdf_tree import is_opaque, leaves, members, own_textures, uses_uvs
+from engines.scene.bsdf_tree import is_opaque, leaves, members, uses_uvs
 from engines.scene.leaf_fields import LEAF_PLUGINS, Kind, LeafField, is_rough
 
 MODELS = (Mixture, *LEAF_PLUGINS)
@@ -37,9 +39,9 @@ def material_lacks(material: Material) -> str | None:
 def _lacks(part: Bsdf) -> str | None:
     """What one of its `members` lacks."""
     if out_of_range(part):
-        return "textures that leave the range in which raybench holds them"
+        return OUT_OF_RANGE
     if isinstance(part, Mixture):
-        return _mixture_lacks(part)
+        return mixture_lacks(part)
     if isinstance(part, Dielectric) and is_rough(part) and part.ior == 1.0:
         return "a rough dielectric of index 1"
     if isinstance(part, Sides) and not all(side is None or is_opaque(side) for side in (part.front, part.back)):
@@ -60,17 +62,6 @@ def _tilt_lacks(part: Bump | NormalMap) -> str | None:
     return None
 
 
-def _mixture_lacks(part: Mixture) -> str | None:
-    diffuse, mirror, glass = (largest(weights) > 0.0 for weights in (part.kd, part.ks, part.kt))
-    if glass and not (part.fresnel and not diffuse):
-        return "refraction without Fresnel's equations, or beside a diffuse lobe"
-    if mirror and not glass and part.fresnel:
-        return "a mirror weighted by Fresnel's equations without refraction"
-    if diffuse and mirror and largest(part.kd) + largest(part.ks) > 1.0:
-        return "a blend of a diffuse and a mirror lobe whose largest components add up to more than 1"
-    return None
-
-
 def _two_surfaces_lack(bsdf: Bsdf) -> str | None:
     """What emits on both sides is two surfaces there."""
     if isinstance(bsdf, Mixture) and largest(bsdf.kt) > 0.0:
@@ -80,13 +71,6 @@ def _two_surfaces_lack(bsdf: Bsdf) -> str | None:
     if uses_uvs(bsdf) or any(isinstance(part, Sides) for part in members(bsdf)):
         return "textures, anisotropy and sides of a surface that emits on both"
     return None
-
-
-def out_of_range(part: Bsdf) -> bool:
-    """Whether a texture leaves [0, 1], to which raybench holds it, and Mitsuba does not."""
-    if isinstance(part, TILTS):
-        return False
-    return any(least(texture) < 0.0 or largest(texture) > 1.0 for texture in own_textures(part))
 
 
 # ---- wrappers --------------------------------------------------------------------------------------------------------
@@ -173,17 +157,15 @@ def _tilt(bsdf: Bump | NormalMap, textures: Textures, inner: Callable[[Bsdf, Tex
 
 
 def _mixture(part: Mixture, textures: Textures) -> Node:
-    diffuse, mirror = largest(part.kd), largest(part.ks)
     if largest(part.kt) > 0.0:
         return _leaf(Dielectric(part.ior, reflectance=part.ks, transmittance=part.kt), textures)
-    if mirror == 0.0:
+    share = mirror_share(part)
+    if share == 0.0:
         return _leaf(Diffuse(part.kd), textures)
-    if diffuse == 0.0:
+    if share == 1.0:
         return _mirror(part.ks, textures)
-    weight = mirror / (diffuse + mirror)
-    kd, ks = (scaled(lobe, 1.0 / share) for lobe, share in ((part.kd, 1.0 - weight), (part.ks, weight)))
-    lobes = {"bsdf_0": _leaf(Diffuse(kd), textures), "bsdf_1": _mirror(ks, textures)}
-    return {"type": "blendbsdf", "weight": weight, **lobes}
+    kd, ks = scaled(part.kd, 1.0 / (1.0 - share)), scaled(part.ks, 1.0 / share)
+    return {"type": "blendbsdf", "weight": share, "bsdf_0": _leaf(Diffuse(kd), textures), "bsdf_1": _mirror(ks, textures)}
 
 
 def _mirror(reflectance: Any, textures: Textures) -> Node:

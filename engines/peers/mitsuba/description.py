@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from engines.peers.adapters.lacks import environments_lack, point_lights_lack
 from engines.peers.mitsuba.bsdfs import MODELS, WRAPPERS, bsdf_node, material_lacks
 from engines.peers.mitsuba.cameras import CAMERAS, camera_lacks
-from engines.peers.mitsuba.lights import LIGHTS, light_node, lights_lack
+from engines.peers.mitsuba.lights import LIGHTS, light_node
 from engines.peers.mitsuba.nodes import Node, Placing
 from engines.peers.mitsuba.shapes import SHAPES, Part, emission_lacks, parts, planes_lack
-from engines.peers.mitsuba.textures import TEXTURES, Textures
-from engines.scene import Scene
+from engines.peers.mitsuba.textures import Textures
+from engines.scene import Checkerboard, ImageTexture, Scene
 from engines.scene.support import foreign
 
 __all__ = ["KNOWN", "Description", "described", "scene_lacks"]
@@ -42,7 +43,7 @@ def described(scene: Scene, placing: Placing, robust: bool = True) -> Descriptio
     return Description(nodes, found)
 
 
-KNOWN: frozenset[type] = frozenset({*CAMERAS, *SHAPES, *LIGHTS, *MODELS, *WRAPPERS, *TEXTURES})
+KNOWN: frozenset[type] = frozenset({*CAMERAS, *SHAPES, *LIGHTS, *MODELS, *WRAPPERS, ImageTexture, Checkerboard})
 """The types of scenes that are described."""
 
 
@@ -55,4 +56,9 @@ def scene_lacks(scene: Scene) -> str | None:
     for material in scene.materials:
         if lacks := material_lacks(material):
             return f"material {material.name!r}: Mitsuba does not support {lacks}"
-    return planes_lack(scene) or emission_lacks(scene) or lights_lack(scene)
+    return (
+        planes_lack(scene)
+        or emission_lacks(scene)
+        or environments_lack(scene, "Mitsuba")
+        or point_lights_lack(scene, "Mitsuba")
+    )

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 from engines.choices import SAMPLERS as KNOWN_SAMPLERS
-from engines.choices import SHADERS, Choice, OpenOptions, Option, integer, one_of, resolve
-from engines.errors import Unsupported
+from engines.choices import SHADERS, Choice, OpenOptions, Option, integer, one_of
+from engines.errors import Unsupported, why_unsupported
 from engines.interface import FullPattern, Renderer, Settings
 from engines.peers.mitsuba import blends, library
 from engines.peers.mitsuba.albedo import albedo_lacks
@@ -88,11 +87,7 @@ class Engine:
         return full_pattern(sampler, spp)
 
     def why_not(self, scene: Scene, settings: Settings) -> str | None:
-        try:
-            self._supported(scene, settings)
-        except Unsupported as error:
-            return str(error)
-        return None
+        return why_unsupported(self._supported, scene, settings)
 
     def prepare(self, scene: Scene, settings: Settings) -> Renderer:
         chosen = self._supported(scene, settings)
@@ -102,13 +97,7 @@ class Engine:
 
     def _supported(self, scene: Scene, settings: Settings) -> Settings:
         """The settings with every choice resolved; raises `Unsupported` for what is lacking."""
-        chosen = replace(
-            settings,
-            shader=resolve("shader", settings.shader, {**SHADERS, **OWN_SHADERS}),
-            sampler=resolve("sampler", settings.sampler, {**KNOWN_SAMPLERS, **SAMPLERS}),
-            accelerator=resolve("accelerator", settings.accelerator, ACCELERATORS),
-            precision=settings.precision or "float32",
-        )
+        chosen = settings.resolved(ACCELERATORS, "float32", {**SHADERS, **OWN_SHADERS}, {**KNOWN_SAMPLERS, **SAMPLERS})
         reason = self._settings_lack(chosen) or self._scene_lacks(scene, chosen.shader) or library.lacking(self.variant)
         if reason is None and chosen.shader.name == "mitsuba":
             reason = self._integrator_lacks(chosen.shader.options)

@@ -8,17 +8,8 @@ from typing import Any
 import numpy as np
 
 from engines.peers.mitsuba.nodes import Array, Node, Placing, rgb
-from engines.scene import DirectionalLight, EnvironmentLight, Light, PointLight, Scene, SpotLight
+from engines.scene import DirectionalLight, EnvironmentLight, Light, PointLight, SpotLight
 from engines.scene.frames import facing
-
-
-def lights_lack(scene: Scene) -> str | None:
-    """One sentence on what Mitsuba does not support of the scene's lights, or None."""
-    if sum(isinstance(light, EnvironmentLight) for light in scene.lights) > 1:
-        return "the scene has several environments, of which Mitsuba renders one"
-    if any(isinstance(light, PointLight) and not light.falloff for light in scene.lights):
-        return "Mitsuba's point lights fall off with the square of the distance"
-    return None
 
 
 def light_node(light: Light, placing: Placing) -> Node:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from engines.peers.adapters.colors import LUMINANCE, luminance
 from engines.peers.mitsuba.nodes import Array, Node, Placing, rgb
-from engines.scene import Checkerboard, Color, ImageTexture, Number, Texture, Triple
-
-LUMINANCE = np.array([0.212671, 0.715160, 0.072169])
+from engines.scene import Checkerboard, Color, ImageTexture, Number, Texture
 
 
 class Textures:
@@ -22,10 +20,10 @@ class Textures:
         self._names: dict[Any, tuple[str, Texture]] = {}  # with the texture: an id is its own while it lives
 
     def color(self, value: Color) -> Node:
-        return self._named(value, "color") if is_texture(value) else rgb(value)
+        return self._named(value, "color") if isinstance(value, Texture) else rgb(value)
 
     def number(self, value: Number) -> float | Node:
-        return self._named(value, "number") if is_texture(value) else float(value)  # type: ignore[arg-type]
+        return self._named(value, "number") if isinstance(value, Texture) else float(value)  # type: ignore[arg-type]
 
     def vector(self, value: ImageTexture) -> Node:
         """Three numbers, of an image with one channel three equal ones."""
@@ -69,40 +67,3 @@ def pixels(texture: ImageTexture, kind: str) -> Array:
     for axis in (0, 1):
         found = np.repeat(found, 2, axis=axis) if found.shape[axis] == 1 else found
     return np.ascontiguousarray(found, np.float32)
-
-
-TEXTURES = (ImageTexture, Checkerboard)
-
-
-def is_texture(value: Any) -> bool:
-    return isinstance(value, TEXTURES)
-
-
-def luminance(color: Triple) -> float:
-    return float(np.dot(LUMINANCE, color))
-
-
-def largest(value: Color | Number) -> float:
-    """The largest component that it has anywhere."""
-    if isinstance(value, ImageTexture):
-        return float(value.pixels.max())
-    return max(*value.a, *value.b) if isinstance(value, Checkerboard) else float(np.max(value))
-
-
-def least(value: Color | Number) -> float:
-    """The least component that it has anywhere."""
-    if isinstance(value, ImageTexture):
-        return float(value.pixels.min())
-    return min(*value.a, *value.b) if isinstance(value, Checkerboard) else float(np.min(value))
-
-
-def scaled(value: Color, factor: Any) -> Any:
-    """A colour times a number, or times three."""
-    factors = np.broadcast_to(np.asarray(factor, np.float64), (3,))
-    if isinstance(value, ImageTexture):
-        wide = factors if value.pixels.shape[2] == 3 or len(set(factors)) > 1 else factors[:1]
-        return replace(value, pixels=(value.pixels * wide).astype(np.float32))
-    if isinstance(value, Checkerboard):
-        return replace(value, a=scaled(value.a, factors), b=scaled(value.b, factors))
-    red, green, blue = (float(part * scale) for part, scale in zip(value, factors, strict=True))
-    return red, green, blue

@@ -1,0 +1,41 @@
+"""What several renderers do not support, in the same words."""
+
+from __future__ import annotations
+
+from engines.peers.adapters.colors import largest, least
+from engines.scene import Bump, EnvironmentLight, Mixture, NormalMap, PointLight, Scene
+from engines.scene.bsdf import Bsdf
+from engines.scene.bsdf_tree import own_textures
+
+OUT_OF_RANGE = "textures that leave the range in which raybench holds them"
+
+
+def point_lights_lack(scene: Scene, who: str) -> str | None:
+    """One sentence where a point light does not fall off, which `who` does not support, or None."""
+    forever = any(isinstance(light, PointLight) and not light.falloff for light in scene.lights)
+    return f"{who}'s point lights fall off with the square of the distance" if forever else None
+
+
+def environments_lack(scene: Scene, who: str) -> str | None:
+    """One sentence where the scene has several environments, of which `who` renders one, or None."""
+    several = sum(isinstance(light, EnvironmentLight) for light in scene.lights) > 1
+    return f"the scene has several environments, of which {who} renders one" if several else None
+
+
+def mixture_lacks(part: Mixture) -> str | None:
+    """What of a mixture has no counterpart where models are glass, diffuse, a mirror, and blends of the last two; or None."""
+    diffuse, mirror, glass = (largest(weights) > 0.0 for weights in (part.kd, part.ks, part.kt))
+    if glass and not (part.fresnel and not diffuse):
+        return "refraction without Fresnel's equations, or beside a diffuse lobe"
+    if mirror and not glass and part.fresnel:
+        return "a mirror weighted by Fresnel's equations without refraction"
+    if diffuse and mirror and largest(part.kd) + largest(part.ks) > 1.0:
+        return "a blend of a diffuse and a mirror lobe whose largest components add up to more than 1"
+    return None
+
+
+def out_of_range(part: Bsdf) -> bool:
+    """Whether a texture of a model leaves [0, 1], to which raybench holds it, and others do not."""
+    if isinstance(part, Bump | NormalMap):
+        return False
+    return any(not 0.0 <= least(texture) <= largest(texture) <= 1.0 for texture in own_textures(part))
