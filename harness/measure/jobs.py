@@ -49,8 +49,9 @@ def cell(engine: Any, request: Mapping[str, Any], parent: Parent) -> None:
         points = clock.timed_points(renderer, schedule, estimate, disturbance)
     counters: dict[str, float] = {}
     for point in points:
-        timed = {"window": disturbance.window, "alive": disturbance.alive}
-        hand_over(parent, engine, point.film, request, point.spp, seconds=point.seconds, rays=point.rays, **timed)
+        began, ended = disturbance.window
+        measured = {"seconds": point.seconds, "rays": point.rays, "began": began, "ended": ended, "alive": disturbance.alive}
+        hand_over(parent, engine, point.film, request, point.spp, **measured)
         counters = {key: value for key, value in point.counters.items() if key not in TIMED_HERE}
     disturbance.rest()
     parent.send(End(counters, disturbance.report(), warm_build))
@@ -82,7 +83,7 @@ def trace(engine: Any, request: Mapping[str, Any], parent: Parent) -> None:
     seconds, passes = tracing.timed_passes(tracer, request, rays, disturbance)
     disturbance.rest()
     tracing.leave_answers(tracer, request, rays)
-    parent.send(Traced(seconds, passes, disturbance.window, disturbance.alive))
+    parent.send(Traced(seconds, passes, *disturbance.window, disturbance.alive))
     parent.send(End({}, disturbance.report()))
 
 
