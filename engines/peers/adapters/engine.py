@@ -17,6 +17,13 @@ from engines.scene.support import foreign, refusal_of
 
 CAMERA_KEYS = {"principal_point": (0.0, 0.0), "mirror": False, "clip": (0.0, float("inf"))}
 """What cameras have besides their kind, with the value that asks for nothing."""
+PLAIN_PATHS: Mapping[str, Container[Any]] = {
+    "direct": ("mis",),
+    "light_candidates": (1,),
+    "transparent_shadows": (False,),
+    "hide_emitters": (False,),
+}
+"""Of the options of `path_tracer`, those of a path tracer with multiple importance sampling and nothing special."""
 
 
 def version_with(package: str, adapter: str = "1") -> str:
@@ -143,4 +150,4 @@ def _listed(values: Container[Any]) -> str:
     return " or ".join(map(str, values)) if isinstance(values, (tuple, list)) else str(values)
 
 
-__all__ = ["CAMERA_KEYS", "AdapterEngine", "version_with"]
+__all__ = ["CAMERA_KEYS", "PLAIN_PATHS", "AdapterEngine", "version_with"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from engines.interface import Settings
-from engines.peers.adapters import MEANS_ALONE, AdapterEngine, version_with
+from engines.peers.adapters import MEANS_ALONE, PLAIN_PATHS, AdapterEngine, version_with
 from engines.peers.adapters.lacks import OUT_OF_RANGE, out_of_range
 from engines.peers.cycles.geometry import spheres_lack
 from engines.peers.cycles.nodes import placed
@@ -72,14 +72,7 @@ class Engine(AdapterEngine):
     camera_keys = ("principal_point", "clip")
     two_sided = True
     takes_shaders = {  # noqa: RUF012
-        "path_tracer": {
-            "direct": ("mis",),
-            "max_depth": range(1, 1026),
-            "light_sampler": ("uniform", "bvh"),
-            "light_candidates": (1,),
-            "transparent_shadows": (False,),
-            "hide_emitters": (False,),
-        }
+        "path_tracer": {**PLAIN_PATHS, "max_depth": range(1, 1026), "light_sampler": ("uniform", "bvh")}
     }
     takes_samplers = {"sobol": {"scramble": ("owen",)}}  # noqa: RUF012
     listed = {"sampler": ("sobol",)}  # noqa: RUF012

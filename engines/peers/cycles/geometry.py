@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.peers.adapters import FlatMesh, extent, flat_meshes, sphere_mesh
-from engines.peers.adapters.tessellation import disk_mesh, squares
+from engines.peers.adapters import FlatMesh, disk_mesh, extent, flat_meshes, sphere_mesh, squares
 from engines.scene import Disk, Plane, Scene
 from engines.scene.bsdf_tree import is_opaque
 from engines.scene.geometry import face_normals

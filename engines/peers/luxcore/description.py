@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.interface import Settings
-from engines.peers.adapters import camera_frame, extent, flat_meshes, sphere_mesh
-from engines.peers.adapters.tessellation import cylinder_mesh, disk_mesh, squares
+from engines.peers.adapters import camera_frame, cylinder_mesh, disk_mesh, extent, flat_meshes, sphere_mesh, squares
 from engines.peers.luxcore.materials import Properties, material_properties, texture_of
 from engines.scene import (
     Cylinder,

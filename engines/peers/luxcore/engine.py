@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from engines.interface import Settings
 from engines.packages import install_extra
-from engines.peers.adapters import MEANS_ALONE, AdapterEngine, version_with
+from engines.peers.adapters import MEANS_ALONE, PLAIN_PATHS, AdapterEngine, version_with
 from engines.peers.luxcore.materials import material_lacks, texture_of
 from engines.peers.luxcore.renderer import Renderer
 from engines.scene import (
@@ -57,14 +57,7 @@ class Engine(AdapterEngine):
     camera_keys = ("principal_point", "clip")
     two_sided = True
     takes_shaders = {  # noqa: RUF012
-        "path_tracer": {
-            "direct": ("mis",),
-            "max_depth": range(2, 1001),
-            "light_sampler": ("uniform", "power"),
-            "light_candidates": (1,),
-            "transparent_shadows": (False,),
-            "hide_emitters": (False,),
-        }
+        "path_tracer": {**PLAIN_PATHS, "max_depth": range(2, 1001), "light_sampler": ("uniform", "power")}
     }
     not_promised = {  # noqa: RUF012
         **MEANS_ALONE,
