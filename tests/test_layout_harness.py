@@ -33,7 +33,13 @@ PUBLIC = {
     *("harness.store", "harness.store.atomic", "harness.store.confined", "harness.store.records", "harness.store.results"),
     *("harness.plan.cells", "harness.plan.planner", "harness.run.progress", "harness.run.recorder", "harness.run.sweep"),
     *("harness.statistics", "harness.statistics.convergence", "harness.statistics.equivalence"),
-    *("harness.analysis", "harness.analysis.equivalence", "harness.analysis.frames", "harness.analysis.races"),
+    *(
+        "harness.analysis",
+        "harness.analysis.comparisons",
+        "harness.analysis.equivalence",
+        "harness.analysis.frames",
+        "harness.analysis.races",
+    ),
     *("harness.report", "harness.report.html.assembly", "harness.report.plots", "harness.report.plots.curves"),
     *("harness.report.plots.style", "harness.report.tables", "harness.report.tables.evidence", "harness.report.tables.model"),
 }
