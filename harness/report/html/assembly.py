@@ -18,7 +18,6 @@ from markupsafe import Markup
 
 from harness.analysis import Analysis, calibration, reports_its_time
 from harness.analysis.certificates import certificate_text, certifies, refutes
-from harness.analysis.model import NOISY, possible_winners
 from harness.metrics import error_words, metric_title
 from harness.report.html.glossary import TERMS, anchor
 from harness.report.html.overview import JudgedReference, engine_key, matrix
@@ -31,8 +30,7 @@ from harness.report.plots.panels import Panel, panels
 from harness.report.plots.style import file_stem, formats
 from harness.report.tables import Column, Table, cell_text, sort_value
 from harness.report.tables.evidence import evidence
-from harness.report.tables.model import estimate_text
-from harness.statistics import QualityTime
+from harness.report.winners import seconds_text, standing
 from harness.store.records import Cell
 from harness.store.results import Contestant, Results, fixed_seconds, point_error
 from harness.trace.records import TraceResults
@@ -155,26 +153,26 @@ def headlines(analysis: Analysis) -> list[dict[str, Any]]:
 
 def _headline(panel: Panel, index: int, target: float) -> dict[str, Any]:
     """`winner` is None where several are not separated, or none reached it. `left_out` have a flag that disqualifies them."""
+    found = standing(panel, index)
     line = {
         "scene": panel.title,
         "target": f"{target:g}",
         "winner": None,
         "rivals": [],
         "out_of": len(panel.verdicts),
-        "reached": sum(verdict.warm[index].reached > 0 for verdict in panel.verdicts),
-        "left_out": [f"{v.contestant.name} ({', '.join(v.warnings)})" for v in panel.verdicts if v.disqualified],
-        "noisy": sum(NOISY in verdict.flags_of(index) for verdict in panel.verdicts if not verdict.disqualified),
+        "reached": len(found.reached),
+        "left_out": found.left_out,
+        "noisy": found.noisy,
     }
-    found = possible_winners(panel.verdicts, index)
-    if len(found) != 1:
-        return line | {"rivals": [verdict.contestant.name for verdict in found]}
-    best = found[0]
+    if len(found.possible) != 1:
+        return line | {"rivals": [verdict.contestant.name for verdict in found.possible]}
+    (best,) = found.possible
     return line | {
-        "alone": line["out_of"] - len(line["left_out"]) == 1,
+        "alone": len(found.ranked) == 1,
         "winner": best.contestant.name,
         "flags": best.warnings,
-        "time": _time_text(best.warm[index]),
-        "cold": _time_text(best.cold[index]),
+        "time": seconds_text(best.warm[index]),
+        "cold": seconds_text(best.cold[index]),
     }
 
 
@@ -334,7 +332,3 @@ def machine_words(env_id: str, preimage: Mapping[str, Any]) -> str:
 def _state_counts(analysis: Analysis) -> dict[str, int]:
     states = [cell.state for cell in analysis.results.cells]
     return dict(sorted(Counter(states).items()))
-
-
-def _time_text(quality: QualityTime) -> str:
-    return estimate_text((quality.value, quality.low, quality.high))

@@ -11,14 +11,13 @@ from markupsafe import Markup, escape
 
 from harness.analysis import Analysis, Verdict, error_targets
 from harness.analysis.calibration import missed
-from harness.analysis.model import NOISY, possible_winners
 from harness.metrics import metric_title
 from harness.report.plots.curves import band
 from harness.report.plots.panels import Panel, panels
 from harness.report.plots.style import LINES, Palette
 from harness.report.tables.evidence import floor_text
-from harness.report.tables.model import estimate_text, number_text
-from harness.report.winners import ratio_of
+from harness.report.tables.model import number_text
+from harness.report.winners import ratio_of, seconds_text, standing
 from harness.statistics.ratios import FEWEST_BLOCKS
 from harness.store.records import Calibration, Reference
 
@@ -104,24 +103,22 @@ def reference_of(panel: Panel, references: Sequence[JudgedReference]) -> JudgedR
 def _cell(
     analysis: Analysis, panel: Panel, index: int, target: float, calibration: Calibration, reference: JudgedReference | None
 ) -> Cell:
-    verdicts = panel.verdicts
+    verdicts, found = panel.verdicts, standing(panel, index)
     return Cell(
         f"{target:g}",
-        [_entry(verdict, verdicts, index) for verdict in possible_winners(verdicts, index)],
-        sum(verdict.warm[index].reached > 0 for verdict in verdicts),
+        [_entry(verdict, verdicts, index) for verdict in found.possible],
+        len(found.reached),
         len(verdicts),
-        sum(not verdict.disqualified for verdict in verdicts),
-        [f"{v.contestant.name} ({', '.join(v.warnings)})" for v in verdicts if v.disqualified],
+        len(found.ranked),
+        found.left_out,
         Badge(floor_text(analysis, panel.scene, [index]), list(_remarks(analysis, panel, index, calibration, reference))),
     )
 
 
 def _entry(verdict: Verdict, verdicts: Sequence[Verdict], index: int) -> Entry:
-    time = verdict.warm[index]
     ratio, other = ratio_of(verdict, verdicts, index)
     why_not = "" if ratio else verdict.no_ratio or "it or its baseline reached the target in no block"
-    seconds = estimate_text((time.value, time.low, time.high))
-    return Entry(verdict.contestant.name, seconds, ratio, other, why_not, verdict.warnings)
+    return Entry(verdict.contestant.name, seconds_text(verdict.warm[index]), ratio, other, why_not, verdict.warnings)
 
 
 def _remarks(
@@ -137,7 +134,7 @@ def _remarks(
     contended, judged = _contention(panel)
     if contended or not judged:
         yield f"{contended} of {judged} timings contended" if judged else "contention was not measured"
-    if noisy := sum(NOISY in v.flags_of(index) for v in panel.verdicts if not v.disqualified):
+    if noisy := standing(panel, index).noisy:
         yield f"the reference is too noisy for the times of {noisy} contestant{'' if noisy == 1 else 's'}"
     if calibration.races is None:
         yield "the run is too small for a calibration"
