@@ -101,7 +101,7 @@ KEYS = Record(
 
 def experiment_schema() -> Schema:
     """The JSON schema (draft 2020-12) of experiment files: every key with its type, default, unit and meaning, for editors
-    and for the documentation. It is no stricter than `load`, which has the last word."""
+    and for the documentation. It is no stricter than `load`, which has the last word, but for the former `order.policy`."""
     found = {**KEYS.schema(), "title": "raybench experiment", "patternProperties": {r"^\.": {}}}
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **found}
 

@@ -28,7 +28,7 @@ extend: [{where: {engine: numba}, set: {precision: float32}}]
 budget: {max_time: 20s, max_spp: 1024, timeout: 5m}
 checkpoints: {ratio: 1.4142, start: 1}
 repeats: 3
-order: {policy: blocks, seed: 1}
+order: {seed: 1}
 reference: {engine: numba, spp: 128, seed: 9000}
 quality: {metric: relmse, epsilon: 1e-2, targets: [1.0e-1, 1e-2, 0.001]}
 images: last
