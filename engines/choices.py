@@ -52,11 +52,12 @@ class Choice:
     @classmethod
     def of(cls, described: Mapping[str, Any]) -> Choice:
         """The choice that `describe` has described."""
-        return cls(described["name"], {key: value for key, value in described.items() if key != "name"})
+        name, options = described["name"], {key: value for key, value in described.items() if key != "name"}
+        return cls(name, {**{key: value for (of, key), value in OMITTED.items() if of == name}, **options})
 
     def __str__(self) -> str:
-        """As tables, legends and messages print it: `bvh(leaf=4)`, options by name."""
-        options = ", ".join(f"{key}={value}" for key, value in sorted(self.options.items()))
+        """As tables, legends and messages print it: `bvh(leaf=4)`, options by name, those of `OMITTED` where they matter."""
+        options = ", ".join(f"{key}={value}" for key, value in sorted(self.describe().items()) if key != "name")
         return f"{self.name}({options})" if options else self.name
 
     def __lt__(self, other: Choice) -> bool:

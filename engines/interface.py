@@ -19,6 +19,8 @@ from engines.film import Film
 from engines.scene import Camera, Scene, Shape
 
 OnPass = Callable[[Film], Any]
+Table = Mapping[str, Mapping[str, Option]]
+"""Options by name, of each name of a shader, sampler or accelerator."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,20 +54,11 @@ class Settings:
         if self.precision not in (None, "float32", "float64"):
             raise ConfigError(f"settings.precision = {self.precision!r}: must be float32 or float64")
 
-    def size(self, scene: Scene) -> tuple[int, int]:
-        """(width, height) in pixels, from here or from the scene's camera."""
-        width, height = scene.camera.resolution
-        return int(self.width or width), int(self.height or height)
-
     def resolved(
-        self,
-        accelerators: Mapping[str, Mapping[str, Option]],
-        precision: str,
-        shaders: Mapping[str, Mapping[str, Option]] = SHADERS,
-        samplers: Mapping[str, Mapping[str, Option]] = SAMPLERS,
+        self, accelerators: Table, precision: str | None, shaders: Table = SHADERS, samplers: Table = SAMPLERS
     ) -> Settings:
-        """The settings with a `Choice` of these tables for shader, sampler and accelerator, and with a precision: `precision`
-        where none is given. Raises `UnknownName` and `ConfigError`."""
+        """These with shader, sampler and accelerator as `Choice`s with every option, by the tables of an engine, and with its
+        `precision` where they name none. Raises `UnknownName` and `ConfigError` as `engines.choices.resolve` does."""
         return replace(
             self,
             shader=resolve("shader", self.shader, shaders),
@@ -73,6 +66,11 @@ class Settings:
             accelerator=resolve("accelerator", self.accelerator, accelerators),
             precision=self.precision or precision,
         )
+
+    def size(self, scene: Scene) -> tuple[int, int]:
+        """(width, height) in pixels, from here or from the scene's camera."""
+        width, height = scene.camera.resolution
+        return int(self.width or width), int(self.height or height)
 
 
 @dataclass(frozen=True, slots=True)

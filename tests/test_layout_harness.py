@@ -16,26 +16,34 @@ LAYERS = (
     ("harness.plan",),
     ("harness.store",),
     ("harness.measure",),
-    ("harness.config",),
     ("harness.trace",),
+    ("harness.config",),
     ("harness.statistics",),
     ("harness.metrics", "harness.check_results", "harness.suites"),
-    ("harness.source_hashes", "harness.hashing", "harness.processes", "harness.console"),
+    ("harness.source_hashes", "harness.hashing", "harness.processes", "harness.settings", "harness.console"),
 )
 """The floors of the harness, the top one first: a module imports from its own floor and from those below."""
 
 
 PUBLIC = {
-    *("harness.check_results", "harness.console", "harness.metrics", "harness.processes", "harness.suites"),
+    *("harness.check_results", "harness.console", "harness.metrics", "harness.processes", "harness.settings"),
+    *("harness.suites",),
     *("harness.config", "harness.config.paths", "harness.config.settings"),
     *("harness.measure.clock", "harness.measure.contention", "harness.measure.machine", "harness.measure.messages"),
     *("harness.measure.pool", "harness.measure.schedule", "harness.trace.oracle"),
     *("harness.store", "harness.store.atomic", "harness.store.confined", "harness.store.records", "harness.store.results"),
     *("harness.plan.cells", "harness.plan.planner", "harness.run.progress", "harness.run.recorder", "harness.run.sweep"),
     *("harness.statistics", "harness.statistics.convergence", "harness.statistics.equivalence"),
-    *("harness.analysis", "harness.analysis.equivalence", "harness.analysis.frames", "harness.analysis.races"),
+    *(
+        "harness.analysis",
+        "harness.analysis.comparisons",
+        "harness.analysis.equivalence",
+        "harness.analysis.frames",
+        "harness.analysis.races",
+    ),
     *("harness.report", "harness.report.html.assembly", "harness.report.plots", "harness.report.plots.curves"),
-    *("harness.report.plots.style", "harness.report.tables", "harness.report.tables.evidence", "harness.report.tables.model"),
+    *("harness.report.plots.chart", "harness.report.plots.figures", "harness.report.plots.style"),
+    *("harness.report.tables", "harness.report.tables.evidence", "harness.report.tables.model"),
 }
 """What of the core the rooms may use: the names of these modules that do not begin with an underscore."""
 
@@ -67,12 +75,13 @@ def room_of(module: str) -> str:
 
 def beyond_public(name: str, source: str, is_package: bool = False) -> list[str]:
     """One line for every import of `source`, as module `name` of a room, of what is neither its own nor public."""
-    beyond = []
-    for line, module, names in imports(name, source, is_package):
-        for target in sorted(targets(module, names)) if module.partition(".")[0] == "harness" else []:
-            if room_of(target) != room_of(name) and (target not in PUBLIC or any(each.startswith("_") for each in names)):
-                beyond.append(f"{name}:{line} imports {', '.join(names) or 'it'} of {target}, which is not public")
-    return beyond
+    reached = [
+        (line, target, any(each.startswith("_") for each in names))
+        for line, module, names in imports(name, source, is_package)
+        for target in (sorted(targets(module, names)) if module.partition(".")[0] == "harness" else [])
+        if room_of(target) != room_of(name)
+    ]
+    return [f"{name}:{line} imports {target}" for line, target, private in reached if private or target not in PUBLIC]
 
 
 def test_rooms_use_the_core_by_its_public_names():

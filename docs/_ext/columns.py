@@ -12,7 +12,9 @@ from harness.report.tables import all_tables, changes
 from harness.report.tables.accelerators import accelerators
 from harness.report.tables.equivalence import accuracy
 from harness.report.tables.scaling import scaling
+from harness.store.records import Manifest
 from harness.store.results import results_of
+from harness.store.validation import FORMAT_VERSION
 from harness.trace.records import TraceResults
 
 KINDS = {
@@ -26,7 +28,7 @@ KINDS = {
 
 
 def text() -> str:
-    empty = results_of(Path("results/NAME"), {}, [])
+    empty = results_of(Path("results/NAME"), Manifest(raybench_results=FORMAT_VERSION), [])
     analysis = analyse(empty)
     people = [*all_tables(analysis), accelerators(analysis), scaling(analysis), accuracy(analysis), changes([empty], [empty])]
     parts = ["## DataFrames"]
@@ -36,7 +38,7 @@ def text() -> str:
     parts += [table(("Column", "Meaning"), [(code(key), plain(value)) for key, value in METRIC_MEANINGS.items()])]
     parts += ["## For people", "Each as `.csv`, `.md` and `.tex` in `tables/`."]
     parts += [_section(each.name, each) for each in people]
-    none = TraceResults(name="", time="", config={}, machine={}, entries=[])
+    none = TraceResults(name="", time="", config={"raybench_trace": 1, "scene": "cornell_box"}, machine={}, entries=[])
     parts += ["## Of rays", "The table of `raybench trace`.", _section("trace", trace_table(none))]
     return "\n\n".join(parts)
 

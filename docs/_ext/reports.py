@@ -33,11 +33,11 @@ def _html(words: str) -> str:
 
 
 def write(app, exception) -> None:
-    """Writes the pages, after a build without an error. Their plots as SVG alone, which is all that they show, unless
+    """Writes the pages, after a build without an error. Files of plots, which they do not show, are written only if
     RAYBENCH_PLOTS is set."""
     if exception is not None or app.builder.format != "html":
         return
-    os.environ.setdefault("RAYBENCH_PLOTS", "svg")
+    os.environ.setdefault("RAYBENCH_PLOTS", "none")
     target = Path(app.outdir) / "reports"
     target.mkdir(exist_ok=True)
     for name in REPORTS:

@@ -7,7 +7,7 @@ from markdown import code, plain, table
 from engines.scene import scene_schema
 from harness.config import experiment_schema
 from harness.config.settings import SETTINGS
-from harness.config.trace import trace_schema
+from harness.trace.experiment import trace_schema
 
 INSTEAD = "Instead of the keys above. "
 LARGE = 2**31

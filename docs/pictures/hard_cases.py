@@ -9,14 +9,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, cast
 
-import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 from scipy import stats
 
 import engines
 from harness.report.plots import stability
-from harness.report.plots.style import STYLE
+from harness.report.plots.figures import figure as drawn
+from harness.report.plots.figures import style
 from harness.store.results import load_results
 from harness.trace import oracle
 
@@ -192,13 +192,11 @@ def saved(figure: Figure, name: str) -> None:
 def main(results: Path) -> None:
     TARGET.mkdir(exist_ok=True)
     makers: tuple[Callable[[], Figure], ...] = (sphere, edges, offsets, roulette, pairs, brightness)
-    with matplotlib.rc_context(cast(Any, STYLE)):
+    with style():
         for make in makers:
             saved(make(), make.__name__)
-        for sketch in stability.sketches(load_results(results).check_results):
-            figure = sketch.make()
-            if figure is not None:
-                saved(figure, sketch.name)
+        for plot in stability.plots(load_results(results).check_results):
+            saved(drawn(plot.chart), plot.name)
 
 
 if __name__ == "__main__":

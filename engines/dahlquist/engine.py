@@ -36,7 +36,7 @@ class Engine:
 
     def why_not(self, scene: Scene, settings: Settings) -> str | None:
         """None for the five balls, wherever they are, in a square image. Raises `UnknownName` and `ConfigError`."""
-        settings.resolved(self.accelerators(), "float64")
+        settings.resolved(self.accelerators(), None)
         width, height = settings.size(scene)
         camera = scene.camera
         view = physical.field_of_view()

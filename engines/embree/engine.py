@@ -7,10 +7,10 @@ from collections.abc import Mapping
 from engines.choices import Option, one_of
 from engines.embree.accelerator import Accelerator
 from engines.embree.library import QUALITIES, library
-from engines.errors import Unsupported
+from engines.errors import why_unsupported
 from engines.interface import Settings
 from engines.kernels.renderer import Renderer
-from engines.kernels.resolve import why_not
+from engines.kernels.resolve import supported
 from engines.scene import Scene
 
 _OPTIONS = {
@@ -52,18 +52,15 @@ class Engine:
         return ACCELERATORS
 
     def why_not(self, scene: Scene, settings: Settings) -> str | None:
-        chosen = settings.resolved(ACCELERATORS, "float32")
-        try:
-            library()
-        except Unsupported as error:
-            return str(error)
-        return why_not(scene, chosen, self.name)
+        return why_unsupported(self._supported, scene, settings)
 
     def prepare(self, scene: Scene, settings: Settings) -> Renderer:
-        lacking = self.why_not(scene, settings)
-        if lacking:
-            raise Unsupported(lacking)
-        chosen = settings.resolved(ACCELERATORS, "float32")
+        chosen = self._supported(scene, settings)
         options = chosen.accelerator.options
         refine = chosen.precision == "float64" if options["refine"] == "auto" else options["refine"]
         return Renderer(scene, chosen, Accelerator(options, refine))
+
+    def _supported(self, scene: Scene, settings: Settings) -> Settings:
+        chosen = supported(scene, settings, ACCELERATORS, "float32", self.name)
+        library()
+        return chosen

@@ -7,7 +7,8 @@ from typing import Any, get_args
 
 import numpy as np
 
-from engines.interface import Settings
+from engines.errors import Unsupported
+from engines.interface import Settings, Table
 from engines.kernels.flatten.lights import ROWS, plugin_parameters
 from engines.kernels.flatten.materials import KINDS
 from engines.kernels.flatten.programs import WRAPPERS, leaves_in
@@ -35,13 +36,22 @@ def known() -> frozenset[type]:
     return frozenset({*get_args(Camera), *shapes, *ROWS, *KINDS, *WRAPPERS, *get_args(Texture)})
 
 
+def supported(scene: Scene, settings: Settings, accelerators: Table, precision: str, engine: str) -> Settings:
+    """The settings with every choice resolved. Raises `UnknownName`, `ConfigError`, and `Unsupported` for what the jitted
+    engines lack."""
+    chosen = settings.resolved(accelerators, precision)
+    if lacking := _lacking(scene, chosen, engine):
+        raise Unsupported(lacking)
+    return chosen
+
+
 def _plugins(settings: Settings) -> dict[str, Any]:
     """The jitted functions of plugins, by part: `shader` and `sampler` objects carry theirs as `jitted`."""
     parts = {"shader": settings.shader, "sampler": settings.sampler}
     return {part: getattr(choice.plugin, "jitted", None) for part, choice in parts.items() if choice.plugin is not None}
 
 
-def why_not(scene: Scene, settings: Settings, engine: str) -> str | None:
+def _lacking(scene: Scene, settings: Settings, engine: str) -> str | None:
     """One sentence on what the jitted engines lack for this scene with these resolved settings, or None."""
     if refusal := refusal_of(scene) or foreign(scene, known(), f"the engine {engine}"):
         return refusal

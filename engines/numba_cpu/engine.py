@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from engines.choices import Option, number
-from engines.errors import Unsupported
+from engines.errors import why_unsupported
 from engines.interface import Settings
 from engines.kernels.renderer import Renderer
-from engines.kernels.resolve import why_not
+from engines.kernels.resolve import supported
 from engines.numba_cpu.accel import area_hierarchy, bvh, grid, none
 from engines.numba_cpu.accel.choice import choose
 from engines.scene import Scene
@@ -41,19 +41,19 @@ class Engine:
         return ACCELERATORS
 
     def why_not(self, scene: Scene, settings: Settings) -> str | None:
-        return why_not(scene, settings.resolved(ACCELERATORS, "float64"), self.name)
+        return why_unsupported(self._supported, scene, settings)
 
     def prepare(self, scene: Scene, settings: Settings) -> Renderer:
-        chosen = settings.resolved(ACCELERATORS, "float64")
-        lacking = why_not(scene, chosen, self.name)
-        if lacking:
-            raise Unsupported(lacking)
+        chosen = self._supported(scene, settings)
         wanted: Any = chosen.accelerator
         name = wanted.name
         if name == "auto":
             name, _ = choose(scene, chosen.precision or "float64")
         make = wanted.plugin.make if wanted.plugin is not None else MADE[name]
         return Renderer(scene, chosen, make(wanted.options))
+
+    def _supported(self, scene: Scene, settings: Settings) -> Settings:
+        return supported(scene, settings, ACCELERATORS, "float64", self.name)
 
     def auto_accelerator(self, scene: Scene, settings: Settings) -> str:
         """What `accelerator: auto` takes, and why; see `engines.interface.Engine`."""

@@ -37,15 +37,18 @@ class Engine:
 
     def why_not(self, scene: Scene, settings: Settings) -> str | None:
         """None where `prepare` would work, else one sentence that says what is lacking."""
-        return why_unsupported(supported, scene, settings, ACCELERATORS, self.name)
+        return why_unsupported(self._supported, scene, settings)
 
     def prepare(self, scene: Scene, settings: Settings) -> Renderer:
         """Raises `UnknownName`, `ConfigError` for bad settings, and `Unsupported` with the words of `why_not`."""
-        return Renderer(scene, supported(scene, settings, ACCELERATORS, self.name))
+        return Renderer(scene, self._supported(scene, settings))
 
     def accelerators(self) -> Mapping[str, Mapping[str, Option]]:
         """`none`: every ray against everything. `bvh`: an eight-wide tree. `auto`: the faster one for the scene."""
         return ACCELERATORS
+
+    def _supported(self, scene: Scene, settings: Settings) -> Settings:
+        return supported(scene, settings, ACCELERATORS, self.name)
 
 
 def supported(scene: Scene, settings: Settings, accelerators: Mapping[str, Mapping[str, Option]], name: str) -> Settings:
@@ -53,12 +56,12 @@ def supported(scene: Scene, settings: Settings, accelerators: Mapping[str, Mappi
     chosen = settings.resolved(accelerators, "float64")
     if refusal := refusal_of(scene):
         raise Unsupported(refusal)
-    if chosen.precision != "float64":
+    if chosen.precision == "float32":
         raise Unsupported(f"the engine {name} computes in float64 only")
     if chosen.accelerator.plugin is not None:
         raise Unsupported(f"the engine {name} takes no accelerator plugins")
-    for kind in ("shader", "sampler"):
-        _require_numpy(kind, getattr(chosen, kind))
+    _require_numpy("shader", chosen.shader)
+    _require_numpy("sampler", chosen.sampler)
     require_numpy(scene, f"the engine {name}")
     return chosen
 

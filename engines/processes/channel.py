@@ -14,11 +14,9 @@ import select
 import socket
 import struct
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
-BUFFER_BYTES = 1 << 20
-"""Of a socket: with Linux' 208 KiB both processes must wake up several times for a frame of pixels."""
 MARK = b"rayb"
 HEAD = struct.Struct("<4sIQ")
 _SIZE = struct.Struct("<Q")
@@ -46,51 +44,38 @@ class Message(NamedTuple):
 class Channel:
     """One end of a pair of sockets. Messages may be sent from any thread; one thread at a time receives."""
 
-    def __init__(self, connection: socket.socket, most_bytes: int | None = None) -> None:
-        """`most_bytes` is the size of the largest message that is received; None: any."""
-        self._socket, self._most_bytes = connection, most_bytes
+    def __init__(self, connection: socket.socket, most_bytes: int | None = None, exits: bool = False) -> None:
+        """`most_bytes` is the size of the largest message that is received; None: any. With `exits` this process ends where
+        the other end has gone, in place of `Closed`."""
+        self.socket, self._most_bytes, self._exits = connection, most_bytes, exits
         self._sending = threading.Lock()
         self._poll = select.poll()
         self._poll.register(connection, select.POLLIN)
 
     @classmethod
-    def at(cls, descriptor: int) -> Channel:
+    def at(cls, descriptor: int, exits: bool = False) -> Channel:
         """The end that a process was started with; programs that it starts do not have it."""
         os.set_inheritable(descriptor, False)
-        return cls(socket.socket(fileno=descriptor))
-
-    @property
-    def socket(self) -> socket.socket:
-        return self._socket
+        return cls(socket.socket(fileno=descriptor), exits=exits)
 
     def fileno(self) -> int:
-        return self._socket.fileno()
+        return self.socket.fileno()
 
     def close(self) -> None:
-        self._socket.close()
+        self.socket.close()
 
     def send(self, data: bytes, beside: Sequence[memoryview] = (), descriptor: int | None = None) -> None:
         """Sends a message, the buffers beside it, and a file descriptor after them. Raises `Closed`."""
-        try:
-            with self._sending:
-                self._socket.sendall(framed(data, beside))
-                for buffer in beside:
-                    self._socket.sendall(buffer)
-                if descriptor is not None:
-                    socket.send_fds(self._socket, [b"."], [descriptor])
-        except OSError as error:
-            raise Closed from error
+        with self._open(), self._sending:
+            self.socket.sendall(framed(data, beside))
+            for buffer in beside:
+                self.socket.sendall(buffer)
+            if descriptor is not None:
+                socket.send_fds(self.socket, [b"."], [descriptor])
 
     def receive(self, pause: Pause | None = None) -> Message:
         """The next message. Raises `Closed`, `BadMessage`, and what `pause` raises."""
-        head = bytearray()
-        while len(head) < HEAD.size:
-            head += self._some(HEAD.size - len(head), pause)
-            if not head.startswith(MARK[: len(head)]):
-                with contextlib.suppress(OSError):
-                    head += self._socket.recv(_SHOWN, socket.MSG_DONTWAIT)
-                raise not_a_message(head)
-        count, size = sizes(head)
+        count, size = sizes(self._exactly(HEAD.size, pause, MARK))
         if self._most_bytes is not None and max(size, count) > self._most_bytes:
             start = self._exactly(min(size, _SHOWN), pause)
             raise BadMessage(f"it sent a message of more than {self._most_bytes >> 20} MiB: {excerpt(start)}")
@@ -100,36 +85,26 @@ class Channel:
     def receive_descriptor(self, pause: Pause | None = None) -> int:
         """The file descriptor that follows a message. Raises `Closed`."""
         self._wait(pause)
-        try:
-            descriptors = socket.recv_fds(self._socket, 1, 1)[1]
-        except OSError as error:
-            raise Closed from error
-        if not descriptors:
-            raise Closed
+        with self._open():
+            descriptors = socket.recv_fds(self.socket, 1, 1)[1]
+            if not descriptors:
+                raise EOFError
         return descriptors[0]
 
-    def _exactly(self, size: int, pause: Pause | None) -> bytearray:
-        data = bytearray(size)
-        view = memoryview(data)
-        while view:
+    def _exactly(self, size: int, pause: Pause | None, start: bytes = b"") -> bytearray:
+        """The next `size` bytes. Raises `BadMessage` as soon as they do not begin with `start`."""
+        data, received = bytearray(size), 0
+        while received < size:
             self._wait(pause)
-            try:
-                count = self._socket.recv_into(view)
-            except OSError as error:
-                raise Closed from error
-            if not count:
-                raise Closed
-            view = view[count:]
-        return data
-
-    def _some(self, most: int, pause: Pause | None) -> bytes:
-        self._wait(pause)
-        try:
-            data = self._socket.recv(most)
-        except OSError as error:
-            raise Closed from error
-        if not data:
-            raise Closed
+            with self._open():
+                count = self.socket.recv_into(memoryview(data)[received:])
+                if not count:
+                    raise EOFError
+            received += count
+            if not data.startswith(start[:received]):
+                with contextlib.suppress(OSError):
+                    data[received:] = self.socket.recv(_SHOWN, socket.MSG_DONTWAIT)
+                raise not_a_message(data)
         return data
 
     def _wait(self, pause: Pause | None) -> None:
@@ -138,13 +113,15 @@ class Channel:
             assert pause is not None
             milliseconds = 1e3 * pause()
 
-
-def pair() -> tuple[socket.socket, socket.socket]:
-    """Two connected sockets, with room for a frame of pixels where the system grants it."""
-    both = socket.socketpair()
-    for each in both:
-        each.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER_BYTES)
-    return both
+    @contextlib.contextmanager
+    def _open(self) -> Iterator[None]:
+        """Within, what sockets raise means that the other end has gone."""
+        try:
+            yield
+        except (OSError, EOFError) as error:
+            if self._exits:
+                os._exit(0)
+            raise Closed from error
 
 
 def framed(data: bytes, beside: Sequence[memoryview] = ()) -> bytes:

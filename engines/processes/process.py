@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -13,7 +14,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import BinaryIO
 
-from engines.processes import channel
 from engines.processes.channel import Channel
 
 CHILD = Path(__file__).with_name("child.py")
@@ -54,7 +54,7 @@ class Process:
         """
         if dies_with_thread is None:
             dies_with_thread = threading.current_thread() is threading.main_thread()
-        ours, theirs = zip(*(channel.pair() for _ in range(channels)), strict=True)
+        ours, theirs = zip(*(socket.socketpair() for _ in range(channels)), strict=True)
         descriptors = [each.fileno() for each in theirs]
         reading, writing = os.pipe() if output == REMEMBERED else (-1, -1)
         printed = writing if output == REMEMBERED else 2 if output is None else output

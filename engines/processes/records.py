@@ -31,27 +31,19 @@ def _is(*kinds: type) -> Callable[[Any], bool]:
 
 
 def _finite(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= LARGEST
+    return _is(int, float)(value) and abs(value) <= LARGEST  # not isfinite: an integer may be too large for that
 
 
 def _seconds(value: Any) -> bool:
-    return _finite(value) and value >= 0  # not isfinite: an integer may be too large for that
+    return _finite(value) and value >= 0
 
 
 def _count(value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and value > 0
+    return _is(int)(value) and value > 0
 
 
-def _numbers(value: Any) -> bool:
-    return isinstance(value, dict) and all(map(_finite, value.values()))
-
-
-def _window(value: Any) -> bool:
-    return isinstance(value, list) and len(value) == 2 and all(map(_seconds, value))
-
-
-def _counts(value: Any) -> bool:
-    return isinstance(value, list) and all(map(_count, value))
+def _each(holds: Callable[[Any], bool], of: type) -> Callable[[Any], bool]:
+    return lambda value: isinstance(value, of) and all(map(holds, value.values() if of is dict else value))
 
 
 NUMBER = "a finite number from 0 on"
@@ -61,11 +53,10 @@ Count = Annotated[int, Check(_count, "an integer above 0")]
 Integer = Annotated[int, Check(_is(int), "an integer")]
 Flag = Annotated[bool, Check(_is(bool), "true or false")]
 Text = Annotated[str, Check(_is(str), "text")]
-Numbers = Annotated[Mapping[str, float], Check(_numbers, "a mapping to finite numbers")]
 Fields = Annotated[Mapping[str, Any], Check(_is(dict), "a mapping")]
+Numbers = Annotated[Mapping[str, float], Check(_each(_finite, dict), "a mapping to finite numbers")]
 Items = Annotated[Sequence[Any], Check(_is(list), "a list")]
-Window = Annotated[Sequence[float], Check(_window, "two finite numbers from 0 on")]
-Counts = Annotated[Sequence[int], Check(_counts, "a list of integers above 0")]
+Counts = Annotated[Sequence[int], Check(_each(_count, list), "a list of integers above 0")]
 
 
 def kind(record: type) -> str:
@@ -90,11 +81,11 @@ def decoded(data: bytes | bytearray, kinds: Iterable[type[T]]) -> T:
     record: Any = {kind(each): each for each in kinds}.get(name) if isinstance(name, str) else None
     if record is None:
         raise not_a_message(data)
-    checks, defaults = _checks(record), record._field_defaults
+    checks = _checks(record)
     for key in fields.keys() - checks.keys():
         raise BadMessage(f"its message {name!r} has {key!r:.{_SHOWN}}: {', '.join(checks)} are expected")
     for key, check in checks.items():
-        if (key in fields or key not in defaults) and not check.holds(fields.get(key)):
+        if (key in fields or key not in record._field_defaults) and not check.holds(fields.get(key)):
             raise BadMessage(f"its message {name!r} has {key} = {fields.get(key)!r:.{_SHOWN}}: {check.expected} is expected")
     return record(**fields)
 

@@ -13,14 +13,20 @@ from engines.schema.yaml_file import Located
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """`reader` turns a Located into a value, or raises what `Located.refuse` makes; `json` is its JSON schema."""
+    """`reader` turns a Located into a value, or raises what `Located.refuse` makes; `json` is its JSON schema; `writer` turns
+    the value back into what a file says."""
 
     reader: Callable[[Located], Any]
     json: Mapping[str, Any]
+    writer: Callable[[Any], Any] = lambda value: value
 
     def read(self, node: Located, context: Any = None) -> Any:
         """The value at `node`."""
         return self.reader(node)
+
+    def write(self, value: Any) -> Any:
+        """What a file says where `read` returns `value`."""
+        return self.writer(value)
 
     def schema(self) -> dict[str, Any]:
         """Its JSON schema."""

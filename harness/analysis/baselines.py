@@ -54,12 +54,12 @@ def race_baseline(group: Iterable[Contestant], results: Results) -> Contestant |
 
 
 def _first(value: Any, written: Sequence[Any]) -> int:
-    """The place of the first written value that a setting matches. A written mapping matches a choice that has these options
-    among others, and a written nothing every value."""
+    """The place of the first written value that a setting matches. A written choice matches one that has its options among
+    others, and a written nothing every value."""
 
     def stands_for(one: Any) -> bool:
-        if isinstance(one, Mapping) and isinstance(value, Choice):
-            return one.items() <= value.describe().items()
+        if isinstance(one, Choice):
+            return one.describe().items() <= value.describe().items()
         return one is None or one == value
 
     return next((place for place, one in enumerate(written) if stands_for(one)), len(written))
@@ -113,8 +113,8 @@ def factors(one: Contestant, other: Contestant, group: Iterable[Contestant]) -> 
 def _named(contestant: Contestant, racing: Sequence[Contestant], results: Results) -> Contestant | None:
     """The nearest of those that the config's first pair of this contestant names."""
     for pair in results.config.pairs:
-        found = [c for c in racing if _matches(pair.baseline, c)]
-        if found and _matches(pair.contestant, contestant):
+        found = [c for c in racing if _matches(pair.baseline.chosen, c)]
+        if found and _matches(pair.contestant.chosen, contestant):
             return max(found, key=lambda c: similarity(contestant, c))
     return None
 
@@ -126,4 +126,4 @@ def _matches(side: Mapping[str, str | int], contestant: Contestant) -> bool:
         value = getattr(contestant.settings, key, None)
         return value.name if isinstance(value, Choice) else value
 
-    return bool(side) and all(plain(key) == value for key, value in side.items())
+    return all(plain(key) == value for key, value in side.items())

@@ -109,8 +109,7 @@ def shared_spp(*contestants: Contestant, pictured: bool = False) -> set[int]:
 
 def margins_of(results: Results) -> Margins:
     """The margins of the config."""
-    given = results.config.equivalence
-    return Margins(given.image, given.tile)
+    return results.config.equivalence.margins
 
 
 def compared(first: Contestant, second: Contestant, images: Replicates, alpha: float) -> Comparison | None:

@@ -4,22 +4,23 @@ from __future__ import annotations
 
 import numpy as np
 
-from harness.analysis.model import Verdict
-from harness.statistics import on_bias_floor
+from harness.statistics import BiasEstimate, Equivalence, on_bias_floor
 from harness.store.results import Contestant, Results, point_error
 
 
-def image_flags(results: Results, verdict: Verdict) -> list[str]:
+def image_flags(
+    results: Results, contestant: Contestant, bias: BiasEstimate | None, equivalence: Equivalence | None
+) -> list[str]:
     """The names, of `analysis.model.FLAGS`, of what is wrong with the images of a contestant."""
     flags = []
-    if verdict.bias is not None:
-        flags += verdict.bias.flags
-        left = [point_error(cell.end, results.relative_metric)[0] for cell in verdict.contestant.done]
-        if np.isfinite(left).all() and on_bias_floor(verdict.bias, float(np.mean(left))):
+    if bias is not None:
+        flags += bias.flags
+        left = [point_error(cell.end, results.relative_metric)[0] for cell in contestant.done]
+        if np.isfinite(left).all() and on_bias_floor(bias, float(np.mean(left))):
             flags.append("on_bias_floor")
-    if verdict.equivalence is not None and not verdict.equivalence.passed:
-        flags.append("other_image" if verdict.equivalence.verdict == "different" else "equivalence_unresolved")
-    return flags + bad_sample_flags(verdict.contestant)
+    if equivalence is not None and not equivalence.passed:
+        flags.append("other_image" if equivalence.verdict == "different" else "equivalence_unresolved")
+    return flags + bad_sample_flags(contestant)
 
 
 def bad_sample_flags(contestant: Contestant) -> list[str]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
 
 from engines.choices import Choice
 from harness.analysis.equivalence import EnginePair
@@ -42,9 +43,9 @@ OF_THE_ESTIMATOR = frozenset({"other_image", "equivalence_unresolved", "too_good
 """Flags that leave a contestant of the open division in its ranking: there another estimator is no offence."""
 
 
-@dataclass
+@dataclass(frozen=True)
 class Verdict:
-    """All that is concluded about one contestant. Lists run along the results' targets.
+    """All that is concluded about one contestant. Sequences run along the results' targets.
 
     `against` is the contestant that times are compared with, `factors` says in what the two differ;
     `speedup` compares seconds per sample, `quality_speedups` times to targets; None where nothing is compared, and then
@@ -54,26 +55,26 @@ class Verdict:
     """
 
     contestant: Contestant
-    warm: list[QualityTime]
-    cold: list[QualityTime]
+    warm: Sequence[QualityTime]
+    cold: Sequence[QualityTime]
     slope: Slope
     final_error: Estimate
     final_spp: Estimate
     efficiency: Estimate
     samples_per_second: Estimate
     rays_per_second: Estimate
-    phases: dict[str, Estimate]
+    phases: Mapping[str, Estimate]
     baseline: Contestant | None = None
     against: Contestant | None = None
     factors: str = ""
     speedup: Ratio | None = None
-    quality_speedups: list[Ratio | None] = field(default_factory=list)
+    quality_speedups: Sequence[Ratio | None] = ()
     no_ratio: str = ""
-    possible_winner: list[bool] = field(default_factory=list)
+    possible_winner: Sequence[bool] = ()
     bias: BiasEstimate | None = None
     radiance: RadianceSample | None = None
     equivalence: Equivalence | None = None
-    flags: list[str] = field(default_factory=list)
+    flags: Sequence[str] = ()
 
     @property
     def failures(self) -> int:
@@ -108,7 +109,7 @@ def bias_sizes(bias: BiasEstimate | None) -> dict[str, str]:
     }
 
 
-@dataclass
+@dataclass(frozen=True)
 class Analysis:
     """`verdicts` of all contestants that have a measured cell. `pairs` are engines compared under equal settings.
 
@@ -117,11 +118,11 @@ class Analysis:
     """
 
     results: Results
-    verdicts: list[Verdict]
+    verdicts: Sequence[Verdict]
     baseline_engine: str
-    floors: dict[tuple[str, int | None], float] = field(default_factory=dict)
-    separated: set[tuple[str, int | None]] = field(default_factory=set)
-    pairs: list[EnginePair] = field(default_factory=list)
+    floors: Mapping[tuple[str, int | None], float]
+    separated: Collection[tuple[str, int | None]]
+    pairs: Sequence[EnginePair]
 
     def of_scene(self, scene: str) -> list[Verdict]:
         return [verdict for verdict in self.verdicts if verdict.contestant.settings.scene == scene]
@@ -131,16 +132,27 @@ class Analysis:
         return self.floors.get((scene, index), math.nan)
 
 
-Group = tuple[str, Choice, str, str, str]
-"""Scene, shader of the reference, size, division and machine."""
+class Group(NamedTuple):
+    """A race: who is compared in times. `shader` is that of the reference."""
+
+    scene: str
+    shader: Choice
+    size: str
+    division: str
+    machine: str
+
+
+def group_of(contestant: Contestant) -> Group:
+    """The race that a contestant runs in."""
+    s = contestant.settings
+    return Group(s.scene, contestant.race, s.size, s.division, s.machine)
 
 
 def raced_together(verdicts: Iterable[Verdict]) -> dict[Group, list[Verdict]]:
     """The verdicts of each race, those of A/A twins included."""
     groups: dict[Group, list[Verdict]] = {}
     for verdict in verdicts:
-        s = verdict.contestant.settings
-        groups.setdefault((s.scene, verdict.contestant.race, s.size, s.division, s.machine), []).append(verdict)
+        groups.setdefault(group_of(verdict.contestant), []).append(verdict)
     return groups
 
 

@@ -7,15 +7,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harness.analysis.comparisons import unlabelled
-from harness.analysis.model import Analysis, Verdict, raced_together, seconds_per_sample
+from harness.analysis.model import Verdict, raced_together, seconds_per_sample
 from harness.metrics import as_error
-from harness.statistics import Bound, Race, Reading, crossing_seconds, noise_floor, race, twin_distance
+from harness.statistics import Bound, Race, Ratio, Reading, crossing_seconds, noise_floor, race, twin_distance
 from harness.statistics.convergence import NOISE_ERRORS
 from harness.store.results import Contestant, Results
 
@@ -25,35 +25,93 @@ CLOCK_SECONDS = 1e-6
 """What a clock resolves, starting and stopping it included."""
 
 
-def run_races(analysis: Analysis) -> None:
-    """Fills in the noise floors of an analysis, and the ratios and possible winners of its verdicts.
+class Raced(NamedTuple):
+    """What races say of a contestant, by the fields of `Verdict`."""
+
+    speedup: Ratio | None
+    quality_speedups: tuple[Ratio | None, ...]
+    possible_winner: tuple[bool, ...]
+    no_ratio: str
+
+
+class Races(NamedTuple):
+    """`floors` and `separated` are those of `Analysis`; `raced` is by contestant."""
+
+    floors: dict[tuple[str, int | None], float]
+    separated: set[tuple[str, int | None]]
+    raced: dict[Contestant, Raced]
+
+
+class Outcome(NamedTuple):
+    """A race on one target: for each of its verdicts the ratio, and whether it may be the fastest."""
+
+    ratios: list[Ratio | None]
+    possible: list[bool]
+    twins_separated: bool
+
+
+def run_races(results: Results, verdicts: Sequence[Verdict]) -> Races:
+    """The noise floors of all scenes, and the ratios and possible winners of all races.
 
     Contestants with a flag that disqualifies them are left out.
     """
-    groups = list(raced_together(analysis.verdicts).values())
+    groups = list(raced_together(verdicts).values())
     logs = {
-        index: [_logs([_bounds(analysis.results, verdict, index) for verdict in group]) for group in groups]
-        for index in (None, *range(len(analysis.results.targets)))
+        index: [_logs([_bounds(results, verdict, index) for verdict in group]) for group in groups]
+        for index in (None, *range(len(results.targets)))
     }
     twins = [_twins([verdict.contestant for verdict in group]) for group in groups]
+    floors = _floors(groups, twins, list(logs))
+    outcomes = {
+        index: [
+            _outcome(results, group, index, *bounds, pairs, floors[_scene(group), index])
+            for group, bounds, pairs in zip(groups, found, twins, strict=True)
+        ]
+        for index, found in logs.items()
+    }
+    separated = {
+        (_scene(group), index)
+        for index, found in outcomes.items()
+        for group, outcome in zip(groups, found, strict=True)
+        if outcome.twins_separated
+    }
+    raced: dict[Contestant, Raced] = {}
+    for place, group in enumerate(groups):
+        own = {
+            index: _unresolved(found[place], group) if (_scene(group), index) in separated else found[place]
+            for index, found in outcomes.items()
+        }
+        on_targets = [outcome for index, outcome in own.items() if index is not None]
+        for row, verdict in enumerate(group):
+            speedup = own[None].ratios[row]
+            raced[verdict.contestant] = Raced(
+                speedup,
+                tuple(outcome.ratios[row] for outcome in on_targets),
+                tuple(outcome.possible[row] for outcome in on_targets),
+                "" if speedup else _why_no_ratio(verdict, group),
+            )
+    return Races(floors, separated, raced)
+
+
+def _scene(group: Sequence[Verdict]) -> str:
+    return group[0].contestant.settings.scene
+
+
+def _floors(
+    groups: Sequence[Sequence[Verdict]], twins: Sequence[Sequence[tuple[int, int]]], indices: Sequence[int | None]
+) -> dict[tuple[str, int | None], float]:
+    """(scene, index of the target) -> noise floor; the first of `indices` is None."""
     distances: dict[int | None, dict[str, list[float]]] = {}
     for group, pairs in zip(groups, twins, strict=True):
         for pair in pairs or [None]:
-            own = [_distance([group[row] for row in pair], index) if pair else math.nan for index in logs]
-            for index, distance in zip(logs, [own[0], *_filled(own[1:])], strict=True):
-                distances.setdefault(index, {}).setdefault(group[0].contestant.settings.scene, []).append(distance)
+            own = [_distance([group[row] for row in pair], index) if pair else math.nan for index in indices]
+            for index, distance in zip(indices, [own[0], *_filled(own[1:])], strict=True):
+                distances.setdefault(index, {}).setdefault(_scene(group), []).append(distance)
+    floors: dict[tuple[str, int | None], float] = {}
     for index, scenes in distances.items():
         everyone = [distance for found in scenes.values() for distance in found]
-        analysis.floors |= {(scene, index): noise_floor(found, everyone) for scene, found in scenes.items()}
-    for index, found in logs.items():
-        for group, (low, high), pairs in zip(groups, found, twins, strict=True):
-            _run(analysis, group, index, low, high, pairs)
-    for group in groups:
-        for verdict in group:
-            verdict.no_ratio = "" if verdict.speedup else _why_no_ratio(verdict, group)
-        for index in logs:
-            if (group[0].contestant.settings.scene, index) in analysis.separated:
-                _leave_unresolved(group, index)
+        floors |= {(scene, index): noise_floor(found, everyone) for scene, found in scenes.items()}
+    return floors
 
 
 def _why_no_ratio(verdict: Verdict, group: Sequence[Verdict]) -> str:
@@ -92,50 +150,44 @@ def _filled(distances: Sequence[float]) -> list[float]:
     return [distances[index] for index in nearest]
 
 
-def _run(
-    analysis: Analysis, group: list[Verdict], index: int | None, low: Logs, high: Logs, twins: list[tuple[int, int]]
-) -> None:
-    scene = group[0].contestant.settings.scene
-    rows = {id(verdict.contestant): row for row, verdict in enumerate(group) if not verdict.disqualified}
+def _outcome(
+    results: Results,
+    group: Sequence[Verdict],
+    index: int | None,
+    low: Logs,
+    high: Logs,
+    twins: Sequence[tuple[int, int]],
+    floor: float,
+) -> Outcome:
+    rows = {verdict.contestant: row for row, verdict in enumerate(group) if not verdict.disqualified}
     compared = [
-        (rows[id(v.contestant)], rows[id(v.against)]) for v in group if id(v.contestant) in rows and id(v.against) in rows
+        (rows[v.contestant], rows[v.against])
+        for v in group
+        if v.contestant in rows and v.against is not None and v.against in rows
     ]
-    ranked = np.array([id(v.contestant) in rows and not v.contestant.settings.label for v in group])
+    ranked = np.array([v.contestant in rows and not v.contestant.settings.label for v in group])
     found = race(
         low,
         high,
         compared,
-        analysis.floor(scene, index),
+        floor,
         ranked=ranked,
         twins=twins,
         clock=clock_steps(low),
-        margin=margin(analysis.results),
-        **_readings(analysis.results, group, index),
+        margin=margin(results),
+        **_readings(results, group, index),
     )
-    if found.twins_separated:
-        analysis.separated.add((scene, index))
-    for (row, _), ratio in zip(compared, found.ratios, strict=True):
-        if index is None:
-            group[row].speedup = ratio
-        else:
-            group[row].quality_speedups[index] = ratio
-    if index is not None:
-        for verdict, possible in zip(group, found.possible_winner.tolist(), strict=True):
-            verdict.possible_winner[index] = possible
+    ratios = {row: ratio for (row, _), ratio in zip(compared, found.ratios, strict=True)}
+    return Outcome([ratios.get(row) for row in range(len(group))], found.possible_winner.tolist(), found.twins_separated)
 
 
-def _leave_unresolved(group: Sequence[Verdict], index: int | None) -> None:
-    """Twins of another race of the scene are separated: nothing is concluded in this one either."""
-    for verdict in group:
-        ratio = verdict.speedup if index is None else verdict.quality_speedups[index]
-        unresolved = ratio._replace(verdict="unresolved") if ratio else None
-        if index is None:
-            verdict.speedup = unresolved
-        else:
-            verdict.quality_speedups[index] = unresolved
-    if index is not None and any(verdict.possible_winner[index] for verdict in group):
-        for verdict in group:
-            verdict.possible_winner[index] = not verdict.disqualified and not verdict.contestant.settings.label
+def _unresolved(outcome: Outcome, group: Sequence[Verdict]) -> Outcome:
+    """Twins of a race of the scene are separated: nothing is concluded in any of its races."""
+    ratios = [ratio._replace(verdict="unresolved") if ratio else None for ratio in outcome.ratios]
+    if not any(outcome.possible):
+        return outcome._replace(ratios=ratios)
+    able = [not verdict.disqualified and not verdict.contestant.settings.label for verdict in group]
+    return outcome._replace(ratios=ratios, possible=able)
 
 
 def _readings(results: Results, group: Sequence[Verdict], index: int | None) -> dict[str, Any]:

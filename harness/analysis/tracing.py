@@ -50,7 +50,7 @@ COLUMNS = [
 
 def trace_table(results: TraceResults) -> Table:
     """A row an entry, in the order of the file."""
-    same_within = float(results.config.get("same_within", 0.05))
+    same_within = results.experiment.same_within
     rows = [row for group in races(results) for row in _rows(group, same_within)]
     note = (
         "Wrong answers are counted against exact ones, in decimals of 80 digits. 95 % intervals; of 0 errors the end of an "

@@ -4,48 +4,50 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 from harness.analysis import archived_verdicts
+from harness.analysis.archived_verdicts import FromImages
 from harness.analysis.baselines import baseline_of, engine_order, nearest_of_engine
 from harness.analysis.conduct import conduct_flags
 from harness.analysis.equivalence import Replicates, compared, engine_pairs, pictured_spp, shared_spp
 from harness.analysis.image_flags import image_flags
-from harness.analysis.model import Analysis, Group, Verdict, raced_together
+from harness.analysis.model import Analysis, Group, Verdict, group_of
 from harness.analysis.races import run_races
 from harness.analysis.slopes import slopes
 from harness.metrics import as_error
-from harness.statistics import Slope, bias_estimate, efficiency, geometric_interval, time_to_quality, too_good_per_sample
-from harness.statistics.bias import radiance_sample
+from harness.statistics import (
+    BiasEstimate,
+    Equivalence,
+    Slope,
+    bias_estimate,
+    efficiency,
+    geometric_interval,
+    time_to_quality,
+    too_good_per_sample,
+)
+from harness.statistics.bias import RadianceSample, radiance_sample
 from harness.statistics.equivalence import shared_alpha
 from harness.store.records import Cell, Point
-from harness.store.results import Contestant, Results, fixed_seconds, phase_seconds, point_error
+from harness.store.results import PHASES, Contestant, Results, fixed_seconds, phase_seconds, point_error
 
 
 def analyse(results: Results) -> Analysis:
     """Draws all conclusions; reads the last image of every cell for bias and equivalence."""
+    images, known, engine = Replicates(results), archived_verdicts.read_archived(results), baseline_engine_of(results)
     slope_of = slopes(results)
-    verdicts = [_own_verdict(results, c, slope_of[c.settings]) for c in results.contestants if c.done]
-    images, known = Replicates(results), archived_verdicts.read_archived(results)
-    engine = baseline_engine_of(results)
-    groups = {key: [v.contestant for v in group] for key, group in raced_together(verdicts).items()}
-    for verdict in sorted(verdicts, key=lambda v: (v.contestant.settings.scene, v.contestant.settings.shader)):
-        group = next(group for group in groups.values() if verdict.contestant in group)
-        found = baseline_of(verdict.contestant, group, results)
-        if found is not None:
-            verdict.against, verdict.factors = found
-        _compare(results, verdict, nearest_of_engine(verdict.contestant, _closed_beside(verdict, groups), engine), images)
-        verdict.bias = verdict.bias or known.bias.get(verdict.contestant.settings)
-        verdict.equivalence = verdict.equivalence or known.baseline.get(verdict.contestant.settings)
-        verdict.flags = _flags(results, verdict)
-    analysis = Analysis(results, verdicts, engine, pairs=engine_pairs(results, images, known.pairs))
-    run_races(analysis)
-    return analysis
-
-
-def _closed_beside(verdict: Verdict, groups: Mapping[Group, list[Contestant]]) -> list[Contestant]:
-    """Contestants of the closed division, whose images those of both are compared with."""
-    s = verdict.contestant.settings
-    return groups.get((s.scene, verdict.contestant.race, s.size, "closed", s.machine), [])
+    measured = [contestant for contestant in results.contestants if contestant.done]
+    groups: dict[Group, list[Contestant]] = {}
+    for contestant in measured:
+        groups.setdefault(group_of(contestant), []).append(contestant)
+    found = {
+        contestant: _verdict(results, contestant, groups, engine, slope_of[contestant.settings], images, known)
+        for contestant in sorted(measured, key=lambda c: (c.settings.scene, c.settings.shader))  # those that share images
+    }
+    pairs = engine_pairs(results, images, known.pairs)
+    races = run_races(results, [found[contestant] for contestant in measured])
+    verdicts = [replace(found[contestant], **races.raced[contestant]._asdict()) for contestant in measured]
+    return Analysis(results, verdicts, engine, races.floors, races.separated, pairs)
 
 
 def baseline_engine_of(results: Results) -> str:
@@ -53,12 +55,26 @@ def baseline_engine_of(results: Results) -> str:
     return next(iter(engine_order(results)), "")
 
 
-def _own_verdict(results: Results, contestant: Contestant, slope: Slope) -> Verdict:
-    """What needs no other contestant and no image."""
+def _verdict(
+    results: Results,
+    contestant: Contestant,
+    groups: Mapping[Group, list[Contestant]],
+    engine: str,
+    slope: Slope,
+    images: Replicates,
+    known: FromImages,
+) -> Verdict:
+    """All but what its race says. Images are compared with those of the closed division, also those of the open one."""
+    settings, done = contestant.settings, contestant.done
     curves = [results.curve(cell) for cell in contestant.runs]
     fixed = [fixed_seconds(cell) for cell in contestant.runs]
-    done = contestant.done
     ends = [cell.end for cell in done]
+    against, factors = baseline_of(contestant, groups[group_of(contestant)], results) or (None, "")
+    nearest = nearest_of_engine(contestant, groups.get(group_of(contestant)._replace(division="closed"), ()), engine)
+    baseline = None if nearest == contestant else nearest
+    bias, radiance = _bias(results, contestant, images)
+    bias = bias or known.bias.get(settings)
+    equivalence = _equivalence(results, contestant, baseline, images) or known.baseline.get(settings)
     return Verdict(
         contestant,
         warm=[time_to_quality(curves, [0.0] * len(curves), target) for target in error_targets(results)],
@@ -69,12 +85,20 @@ def _own_verdict(results: Results, contestant: Contestant, slope: Slope) -> Verd
         efficiency=efficiency([point_error(end, "mse")[0] for end in ends], [end.seconds for end in ends]),
         samples_per_second=geometric_interval([_rate(_samples(cell), cell.end) for cell in done]),
         rays_per_second=geometric_interval([_rate(end.rays, end) for end in ends]),
-        phases={
-            phase: geometric_interval([phase_seconds(cell, phase) for cell in done])
-            for phase in ("import", "load", "build", "compile", "render")
-        },
-        quality_speedups=[None] * len(results.targets),
-        possible_winner=[False] * len(results.targets),
+        phases={phase: geometric_interval([phase_seconds(cell, phase) for cell in done]) for phase in PHASES},
+        baseline=baseline,
+        against=against,
+        factors=factors,
+        bias=bias,
+        radiance=radiance,
+        equivalence=equivalence,
+        flags=[
+            *image_flags(results, contestant, bias, equivalence),
+            *conduct_flags(contestant, bias),
+            *["too_good_per_sample"] * (baseline is not None and _too_good(results, contestant, baseline)),
+            *["contended"] * any(cell.machine.contended for cell in done),
+            *["own_clock"] * any(map(reports_its_time, done)),
+        ],
     )
 
 
@@ -83,29 +107,21 @@ def error_targets(results: Results) -> list[float]:
     return [as_error(results.metric, target) for target in results.targets]
 
 
-def _compare(results: Results, verdict: Verdict, baseline: Contestant | None, images: Replicates) -> None:
-    """Fills in what needs the reference or the images."""
-    contestant = verdict.contestant
-    own_images, reference = images.of(contestant), images.reference(contestant)
-    if own_images and reference is not None and next(iter(own_images.values())).shape == reference.mean.shape:
-        spp = pictured_spp(cell for cell in contestant.done if cell.block in own_images)
-        verdict.bias = bias_estimate(list(own_images.values()), reference, results.epsilon, spp)
-        verdict.radiance = radiance_sample(list(own_images.values()), reference, spp)
-    if baseline is not None and baseline is not contestant:
-        verdict.baseline = baseline
-        comparison = compared(baseline, contestant, images, shared_alpha(len(results.contestants)))
-        verdict.equivalence = comparison.found if comparison else None
+def _bias(results: Results, contestant: Contestant, images: Replicates) -> tuple[BiasEstimate | None, RadianceSample | None]:
+    """What the images differ from the reference by; None where either is missing, or of another size."""
+    own, reference = images.of(contestant), images.reference(contestant)
+    if not own or reference is None or next(iter(own.values())).shape != reference.mean.shape:
+        return None, None
+    stack = list(own.values())
+    spp = pictured_spp(cell for cell in contestant.done if cell.block in own)
+    return bias_estimate(stack, reference, results.epsilon, spp), radiance_sample(stack, reference, spp)
 
 
-def _flags(results: Results, verdict: Verdict) -> list[str]:
-    flags = image_flags(results, verdict) + conduct_flags(verdict.contestant, verdict.bias)
-    if verdict.baseline is not None and _too_good(results, verdict.contestant, verdict.baseline):
-        flags.append("too_good_per_sample")
-    if any(cell.machine.contended for cell in verdict.contestant.done):
-        flags.append("contended")
-    if any(reports_its_time(cell) for cell in verdict.contestant.done):
-        flags.append("own_clock")
-    return flags
+def _equivalence(
+    results: Results, contestant: Contestant, baseline: Contestant | None, images: Replicates
+) -> Equivalence | None:
+    found = compared(baseline, contestant, images, shared_alpha(len(results.contestants))) if baseline else None
+    return found.found if found else None
 
 
 def reports_its_time(cell: Cell) -> bool:

@@ -83,10 +83,7 @@ def run(
     out: Out = None,
     overrides: Set = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Delete earlier results in the folder first.")] = False,
-    retry: Annotated[
-        Optional[str],  # noqa: UP045
-        typer.Option("--retry", metavar="failed", help="Measure failed and timed-out cells again."),
-    ] = None,
+    retry: Annotated[bool, typer.Option("--retry", help="Measure failed and timed-out cells again.")] = False,
     fail_fast: Annotated[bool, typer.Option("--fail-fast", help="Stop at the first cell that fails.")] = False,
     allow_imports: AllowImports = False,
     allow_commands: AllowCommands = False,
@@ -100,20 +97,19 @@ def run(
     """Measure the missing cells of an experiment, then write tables, plots and report. The same command resumes a run."""
     from engines.errors import ConfigError
     from harness.cli import experiments
-    from harness.config import paths
-    from harness.config.trace import is_trace
+    from harness.config import read_file
     from harness.run.sweep import Options
+    from harness.trace.experiment import TRACE
 
-    if is_trace(paths.find("configs", config)):
+    file = read_file(config)
+    if file.says(TRACE):
         if fresh or retry or fail_fast or cluster:
             raise ConfigError(f"{config}: compares rays: --fresh, --retry, --fail-fast and --cluster are for experiments")
         given = ["raybench", *sys.argv[1:]]
-        raise typer.Exit(tracing.run_file(config, out, overrides or [], (allow_imports, allow_outside), given))
-    if retry not in (None, "failed"):
-        raise ConfigError(f"--retry {retry}: must be 'failed'")
+        raise typer.Exit(tracing.run_file(file, out, overrides or [], (allow_imports, allow_outside), given))
     allowed = allow_imports, allow_commands, allow_outside
-    options = Options(retry is not None, fail_fast, *allowed, ["raybench", *sys.argv[1:]], cluster)
-    raise typer.Exit(experiments.run(config, out, overrides or [], fresh, options))
+    options = Options(retry, fail_fast, *allowed, ["raybench", *sys.argv[1:]], cluster)
+    raise typer.Exit(experiments.run(file, out, overrides or [], fresh, options))
 
 
 @command(EXPERIMENTS)
@@ -188,13 +184,26 @@ def report(
             help="Write a chapter into this folder instead: tables and figures, with a section for each results folder.",
         ),
     ] = None,
+    plot: Annotated[
+        Optional[list[str]],  # noqa: UP045
+        typer.Option(metavar="NAME", help="Show a plot of your own, too: module:function, or a name that a plugin registers."),
+    ] = None,
+    table: Annotated[
+        Optional[list[str]],  # noqa: UP045
+        typer.Option(metavar="NAME", help="Show a table of your own, too: module:function, or a name that a plugin registers."),
+    ] = None,
+    allow_imports: AllowImports = False,
     references: References = None,
 ) -> None:
     """Write tables, plots and report.html of results folders again, without rendering; or a chapter about them."""
+    from engines.errors import ConfigError
     from harness.cli import results
 
+    own = [*(("plot", name) for name in plot or ()), *(("table", name) for name in table or ())]
     if chapter is None:
-        results.report(folders or [])
+        results.report(folders or [], own, allow_imports)
+    elif own:
+        raise ConfigError(f"--{own[0][0]} {own[0][1]}: is for a report: a chapter has none")
     else:
         results.chapter(folders or [], chapter)
 
@@ -359,7 +368,7 @@ def schema(
     from engines.errors import UnknownName
     from engines.scene import scene_schema
     from harness.config import experiment_schema
-    from harness.config.trace import trace_schema
+    from harness.trace.experiment import trace_schema
 
     schemas = {"experiment": experiment_schema, "scene": scene_schema, "trace": trace_schema}
     if kind not in schemas:

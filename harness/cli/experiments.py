@@ -17,11 +17,11 @@ from engines.errors import ConfigError
 from harness import config, store
 from harness.analysis.certificates import certificate_text, refutes
 from harness.cli.results import require_results, write_derived
-from harness.config import Experiment
+from harness.config import ConfigFile, Experiment
 from harness.console import consoles
 from harness.measure.pool import Pool, WorkerFailed
 from harness.plan import planner, verify_jobs
-from harness.plan.cells import Cell, Plan, words
+from harness.plan.cells import Cell, Plan
 from harness.plan.state import expected_seconds, state_of
 from harness.run import certificates, progress, reference_samples, references, sweep
 from harness.run.sweep import Options, Outcome
@@ -37,7 +37,7 @@ def results_folder(experiment: Experiment, out: Path | None) -> Path:
     return out or Path("results") / (re.sub(r"[^A-Za-z0-9._-]+", "-", experiment.name).strip("-.") or "experiment")
 
 
-def run(given: str, out: Path | None, overrides: Sequence[str], fresh: bool, options: Options) -> int:
+def run(given: str | ConfigFile, out: Path | None, overrides: Sequence[str], fresh: bool, options: Options) -> int:
     """Measures and reports; 0, 1 where a cell failed or timed out, 130 where it was interrupted."""
     stdout, stderr = consoles()
     experiment = config.load(given, overrides)
@@ -85,7 +85,7 @@ def _summary(console: Console, outcome: Outcome, folder: Path) -> None:
     for words in outcome.failed_verify_jobs:
         console.print(words, style=progress.COLOURS["failed"], markup=False, soft_wrap=True)
     if outcome.failures or outcome.failed_verify_jobs:
-        console.print(f"What the engines printed is in {folder / 'worker.log'}; --retry failed measures these again.")
+        console.print(f"What the engines printed is in {folder / 'worker.log'}; --retry measures these again.")
     if (file := folder / store.WINNERS).is_file() and (winners := file.read_text("utf-8")):
         console.print(winners, end="", markup=False, soft_wrap=not console.is_terminal)
     counted = ", ".join(f"{count} {state}" for state, count in sorted(outcome.states.items()))
@@ -132,7 +132,7 @@ def _plan_references(console: Console, made: Plan) -> None:
     root = reference_files.cache_folder()
     for wanted in made.references.values():
         state = "ready" if references.ready(wanted, root) else "to be rendered"
-        what = f"{wanted.describe()}, {words(wanted.spec['shader'])}, by {wanted.spec['engine']}"
+        what = f"{wanted.describe()}, {wanted.settings.shader}, by {wanted.spec['engine']}"
         samples = reference_samples.sufficiency(wanted, root, made.experiment.quality).message
         console.print(f"reference of {what}: {state}; {samples}", soft_wrap=True, markup=False)
 
@@ -140,7 +140,7 @@ def _plan_references(console: Console, made: Plan) -> None:
 def _plan_accelerators(console: Console, made: Plan) -> None:
     """One line for each scene and engine: which accelerator `auto` takes there, and why."""
     lines = {
-        (cell.scene.name, cell.engine_name, cell.settings["precision"]): cell.auto_accelerator
+        (cell.scene.name, cell.engine_name, cell.settings.precision): cell.auto_accelerator
         for cell in made.cells
         if cell.auto_accelerator
     }
@@ -176,12 +176,12 @@ def _columns(cell: Cell) -> tuple[str, ...]:
     return (
         cell.scene.name,
         cell.engine_name,
-        words(settings["accelerator"]),
-        words(settings["shader"]),
-        words(settings["sampler"]),
-        settings["precision"],
-        str(settings["threads"]),
-        f"{settings['width']}x{settings['height']}",
+        str(settings.accelerator),
+        str(settings.shader),
+        str(settings.sampler),
+        settings.precision,
+        str(settings.threads),
+        f"{settings.width}x{settings.height}",
         cell.label or "",
         cell.division,
     )

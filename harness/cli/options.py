@@ -103,7 +103,7 @@ def choices(table: str) -> Callable[[str], list[str]]:
 def size(text: str) -> tuple[int, int]:
     """Width and height in pixels, from `256x192`. Raises `ConfigError`."""
     from engines.errors import ConfigError
-    from harness.config.validators import width_and_height
+    from harness.config.kinds import width_and_height
 
     found = width_and_height(text)
     if found is None:

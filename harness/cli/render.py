@@ -11,11 +11,11 @@ import numpy as np
 from rich.console import Console
 
 from engines import memory
-from engines.choices import SAMPLERS, SHADERS, resolve
+from engines.choices import SAMPLERS, SHADERS, Choice, resolve
 from engines.errors import ConfigError, Unsupported
 from engines.film import BYTES_A_PIXEL_WRITTEN, Film
 from engines.image import SUFFIXES
-from engines.interface import Engine
+from engines.interface import Engine, Settings
 from engines.registry import engine as engine_of
 from engines.registry import load_attribute
 from engines.scene import load_scene
@@ -23,11 +23,12 @@ from engines.schema.yaml_file import parse_yaml
 from engines.tonemap import ToneMapper, to_bitmap, tone_mapper
 from harness.cli.outputs import check_file
 from harness.config import paths
-from harness.config.settings import completed, engine_settings, known, require_commands, require_imports
+from harness.config.settings import known
 from harness.console import consoles
 from harness.measure import clock, machine
 from harness.processes import allow_here
 from harness.run.progress import duration
+from harness.settings import completed, plugin_or_choice, require_commands, require_imports
 
 MAX_SPP = 2**31
 DEFAULTS = {"shader": "path_tracer", "sampler": "sobol", "accelerator": "auto"}
@@ -65,31 +66,31 @@ def render(request: Request) -> Film:
     require_imports(request.engine, request.allow_imports)
     require_commands(request.engine, request.allow_commands)
     engine = engine_of(request.engine)
-    settings = _settings(request)
+    chosen = _chosen(request)
     scene = load_scene(path, request.allow_imports, request.allow_outside, natively=True, parameters=request.parameters)
     if scene.native is not None and scene.native.refusal and not getattr(engine, "takes_native", False):
         raise Unsupported(f"{scene.native.refusal}. The engine mitsuba is given the file as it is")
     if scene.shader is not None and not request.chosen["shader"]:
-        settings["shader"] = resolve("shader", scene.shader, known("shader", scene.shader["name"], SHADERS)).describe()
+        chosen["shader"] = resolve("shader", scene.shader, known("shader", scene.shader["name"], SHADERS))
     console = consoles()[1]
     for warning in scene.warnings:
         console.print(f"warning: {path}: {warning}", style="yellow", markup=False, soft_wrap=True)
-    plain = engine_settings(settings, request.seed, request.allow_imports)
-    if not request.chosen["sampler"] and engine.why_not(scene, plain):
+    settings = _settings(request, chosen)
+    if not request.chosen["sampler"] and engine.why_not(scene, settings):
         # also where the engine declines this, too: then the reason is not a sampler that nobody asked for
-        settings = settings | {"sampler": resolve("sampler", "random", SAMPLERS).describe()}
-        plain = engine_settings(settings, request.seed, request.allow_imports)
-    width, height = plain.size(scene)
+        chosen["sampler"] = resolve("sampler", "random", SAMPLERS)
+        settings = _settings(request, chosen)
+    width, height = settings.size(scene)
     memory.require(BYTES_A_PIXEL_WRITTEN * width * height, f"an image of {width}x{height} pixels")
-    why_not = engine.why_not(scene, plain)
+    why_not = engine.why_not(scene, settings)
     if why_not:
         raise Unsupported(why_not)
-    renderer, build, compilation = clock.prepare(engine, scene, plain)
+    renderer, build, compilation = clock.prepare(engine, scene, settings)
     console.print(f"{scene.name}: built in {duration(build)}, compiled in {duration(compilation)}", markup=False)
     start = perf_counter()
     film = renderer.render(spp=request.spp)
     seconds = perf_counter() - start
-    provenance = _provenance(request, settings, scene.identity, engine, seconds, scene.warnings)
+    provenance = _provenance(request, settings, chosen, scene.identity, engine, seconds, scene.warnings)
     film.save(output, provenance=provenance, tone_mapper=mapper)
     _print_summary(console, film, seconds, clock.rays_traced(renderer), output)
     return film
@@ -132,36 +133,56 @@ def _print_summary(console: Console, film: Film, seconds: float, rays: float | N
         console.print(f"warning: {film.bad_samples} samples were not finite; they count as black", style="yellow")
 
 
-def _settings(request: Request) -> dict[str, Any]:
-    """The cell's plain data, as an experiment would have it."""
-    width, height = request.size or (None, None)
+def _chosen(request: Request) -> dict[str, Choice]:
+    """Shader, sampler and accelerator, as an experiment would have them."""
     tables = {"shader": SHADERS, "sampler": SAMPLERS}
-    settings: dict[str, Any] = {
-        "width": width,
-        "height": height,
-        "precision": request.precision,
-        "threads": request.threads if request.threads is not None else len(machine.usable_cores()),
-    }
+    chosen: dict[str, Choice] = {}
     for kind, written in request.chosen.items():
         text = written or DEFAULTS[kind]
         given = parse_yaml(text, f"--{kind}", ConfigError).plain() if text.lstrip().startswith("{") else {"name": text}
         if not isinstance(given, dict) or not isinstance(given.get("name"), str):
             raise ConfigError(f"--{kind} {text}: a name, or {{name: ..., option: value}}, is expected")
         if kind in tables and ":" not in given["name"]:
-            given = resolve(kind, given, known(kind, given["name"], tables[kind])).describe()
-        settings[kind] = completed(kind, given, request.allow_imports)
-    return settings
+            chosen[kind] = resolve(kind, given, known(kind, given["name"], tables[kind]))
+        else:
+            chosen[kind] = completed(kind, Choice.of(given), request.allow_imports)
+    return chosen
+
+
+def _settings(request: Request, chosen: Mapping[str, Choice]) -> Settings:
+    """What the engine is given."""
+    width, height = request.size or (None, None)
+    return Settings(
+        **{kind: plugin_or_choice(kind, choice, request.allow_imports) for kind, choice in chosen.items()},
+        width=width,
+        height=height,
+        precision=request.precision,
+        threads=request.threads if request.threads is not None else len(machine.usable_cores()),
+        seed=request.seed,
+    )
 
 
 def _provenance(
-    request: Request, settings: Mapping[str, Any], scene_hash: str, engine: Engine, seconds: float, warnings: Sequence[str]
+    request: Request,
+    settings: Settings,
+    chosen: Mapping[str, Choice],
+    scene_hash: str,
+    engine: Engine,
+    seconds: float,
+    warnings: Sequence[str],
 ) -> dict[str, Any]:
     return {
         "scene": request.scene,
         "scene_hash": scene_hash,
         "engine": request.engine,
         "engine_version": str(engine.version),
-        "settings": dict(settings),
+        "settings": {
+            "width": settings.width,
+            "height": settings.height,
+            "precision": settings.precision,
+            "threads": settings.threads,
+            **{kind: choice.describe() for kind, choice in chosen.items()},
+        },
         "seed": request.seed,
         "spp": request.spp,
         "render_seconds": seconds,

@@ -6,6 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.markup import escape
 from rich.table import Table
@@ -14,8 +15,12 @@ from engines.errors import ConfigError
 from harness import store
 from harness.cli.outputs import check_file
 from harness.console import consoles
+from harness.processes import allow_here
 from harness.store import atomic
 from harness.trace import records
+
+if TYPE_CHECKING:
+    from harness.report.plugins import Plugin
 
 NO_CHANGE = ("same", "unresolved", "identical", "equivalent")
 """Verdicts that `compare` leaves out unless it is asked for everything."""
@@ -26,27 +31,40 @@ def require_results(folder: Path) -> None:
         raise ConfigError(f"{folder}: no {store.EVENTS} is there: a folder written by `raybench run` is expected")
 
 
-def write_derived(folder: Path) -> None:
+def write_derived(folder: Path, plugins: Sequence[Plugin] = ()) -> None:
     """Writes tables, plots and report of a results folder."""
     from harness.report import write_derived as write
 
-    write(folder)
+    write(folder, plugins)
 
 
-def report(folders: Sequence[Path]) -> None:
-    """Writes everything derived from results folders anew."""
+def _plugins(own: Sequence[tuple[str, str]], allow_imports: bool) -> list[Plugin]:
+    from harness.report.plugins import plugin
+    from harness.settings import require_imports
+
+    for _, name in own:
+        require_imports(name, allow_imports)
+    allow_here(allow_imports)
+    return [plugin(kind, name) for kind, name in own]
+
+
+def report(folders: Sequence[Path], own: Sequence[tuple[str, str]] = (), allow_imports: bool = False) -> None:
+    """Writes everything derived from results folders anew, with plots and tables of the user's `own`: (kind, name)."""
     if not folders:
         raise ConfigError("report: a results folder is missing")
     for folder in folders:
         if not (folder / records.FILE).exists():
             require_results(folder)
+        elif own:
+            raise ConfigError(f"--{own[0][0]} {own[0][1]}: {folder} is a comparison by rays, which has no DataFrames")
+    plugins = _plugins(own, allow_imports)
     for folder in folders:
         if (folder / records.FILE).exists():
             from harness.report.tracing import write_derived as write_trace
 
             write_trace(folder)
         else:
-            write_derived(folder)
+            write_derived(folder, plugins)
         consoles()[0].print(f"Report: {folder / 'report.html'}", soft_wrap=True)
 
 

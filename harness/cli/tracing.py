@@ -6,11 +6,14 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Optional
+from typing import TYPE_CHECKING, Annotated, Any, Optional
 
 import typer
 
 from harness.cli.options import AllowImports, AllowOutside, engines, shipped, words
+
+if TYPE_CHECKING:
+    from harness.config import ConfigFile
 
 INTERRUPTED = 130
 
@@ -75,7 +78,7 @@ def trace(
     """Compare engines by rays: million rays per second, wrong hits, misses and leaks."""
     from engines.errors import ConfigError
     from engines.schema.yaml_file import parse_yaml
-    from harness.config.trace import trace_of
+    from harness.trace.experiment import trace_of
 
     axes = {"rays": rays, "engine": engine, "precision": precision, "threads": threads}
     chosen = [parse_yaml(each, "--accelerator", ConfigError).plain() for each in accelerator or []]
@@ -97,9 +100,11 @@ def trace(
     raise typer.Exit(measure(experiment, out, json, (allow_imports, allow_outside), ["raybench", *sys.argv[1:]]))
 
 
-def run_file(given: str, out: Path | None, overrides: Sequence[str], allowed: tuple[bool, bool], command: Sequence[str]) -> int:
+def run_file(
+    given: ConfigFile, out: Path | None, overrides: Sequence[str], allowed: tuple[bool, bool], command: Sequence[str]
+) -> int:
     """`raybench run` of a file that compares rays."""
-    from harness.config.trace import load_trace
+    from harness.trace.experiment import load_trace
 
     return measure(load_trace(given, overrides), out, False, allowed, command)
 
@@ -116,7 +121,7 @@ def measure(experiment: Any, out: Path | None, as_json: bool, allowed: tuple[boo
 
     stdout, stderr = consoles()
     allow_imports, allow_outside = allowed
-    experiment = replace(experiment, scenes=tuple(replace(file, allow_outside=allow_outside) for file in experiment.scenes))
+    experiment = replace(experiment, scene=tuple(replace(file, allow_outside=allow_outside) for file in experiment.scene))
     allow_here(allow_imports, experiment.folder)
     folder = out or Path("results") / experiment.name
     make_out(folder)

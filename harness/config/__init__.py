@@ -1,13 +1,30 @@
-"""Experiment files: `load` reads one. One description of its keys (`experiment.KEYS`) makes reader, schema and reference."""
+"""Experiment files: `load` reads one. One description of its keys (`experiment.KEYS`) makes reader, schema, reference and the
+normalised file."""
 
-from harness.config.experiment import SCHEMA_VERSION, Experiment, experiment_schema, load, override, parse, read_quality
-from harness.config.sections import Checkpoints, Limits, Quality, ReferenceConfig, VerifyConfig
+from harness.config.experiment import (
+    SCHEMA_VERSION,
+    Checkpoints,
+    Experiment,
+    Limits,
+    Quality,
+    ReferenceConfig,
+    VerifyConfig,
+    experiment_schema,
+    load,
+    parse,
+    read_quality,
+    recorded,
+)
+from harness.config.files import ConfigFile, override, read_file
+from harness.config.kinds import RECORDED
 from harness.config.settings import Budget
 
 __all__ = [
+    "RECORDED",
     "SCHEMA_VERSION",
     "Budget",
     "Checkpoints",
+    "ConfigFile",
     "Experiment",
     "Limits",
     "Quality",
@@ -17,5 +34,7 @@ __all__ = [
     "load",
     "override",
     "parse",
+    "read_file",
     "read_quality",
+    "recorded",
 ]

@@ -1,88 +1,101 @@
 """An experiment file becomes an `Experiment`: strict, with file, line and the nearest key in every refusal.
 
-`KEYS` describes them all. Settings stand at the top level for all cells or in `matrix` and `zip` as axes; `exclude`,
-`include` and `extend` then work on the combinations, in that order. An `include` entry is one whole cell: what it leaves
-out comes from the top level, else from the first value of that axis, else from the default.
+`Experiment` and its sections say every key of a file; `settings.Combination` says those of a cell. These stand at the top level
+for all cells or in `matrix` and `zip` as axes; `exclude`, `include` and `extend` then work on the combinations, in that order
+(`combinations.expand`). An `include` entry is one whole cell: what it leaves out comes from the top level, else from the first
+value of that axis, else from the default.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from engines.errors import ConfigError
 from engines.schema.keys import Key, Record, Schema
-from engines.schema.kinds import BOOLEAN, Kind
-from engines.schema.yaml_file import Located, Origin, parse_yaml, read_yaml
-from harness.config import matrix, paths, sections
-from harness.config.sections import SEED, Checkpoints, Limits, Quality, ReferenceConfig, VerifyConfig
-from harness.config.settings import BUDGET, SETTINGS
-from harness.config.validators import LINE, NAME, ListOf, OrNull, integer, mapping, number, one_of
+from engines.schema.kinds import BOOLEAN
+from engines.schema.yaml_file import Located, locate
+from harness.config import sections
+from harness.config.combinations import MATRIX, expand
+from harness.config.files import ConfigFile, read_file, top_level
+from harness.config.keys import by_field, key, keys_of, written
+from harness.config.kinds import LINE, NAME, RECORDED, SEED, ListOf, OrNull, integer, number, one_of, version
+from harness.config.sections import Checkpoints, EquivalenceConfig, Limits, Order, Pair, Quality, ReferenceConfig, VerifyConfig
+from harness.config.settings import SETTINGS, Combination
 
+EXPERIMENT = "raybench_experiment"
 SCHEMA_VERSION = 1
 IMAGES = ("all", "some", "last", "none")
 PREFERRED_BASELINES = ("numpy", "numba", "embree")
 """The engine that all are compared with where a config names none: the first of these that it has."""
 
 
-def _version(node: Located) -> int:
-    if node.value != SCHEMA_VERSION or node.value is True:
-        raise node.refuse(f"must be {SCHEMA_VERSION}")
-    return SCHEMA_VERSION
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Experiment:
+    """An experiment.
 
+    `combinations` hold one value of every setting; repeats multiply them later. `source` is the file's name for messages,
+    `folder` that of the file, where code that it names is looked for first.
+    """
 
-def _section(record: Record) -> Key:
-    return Key(record, record.meaning, {})
+    name: str = key(LINE, "Title of the report, and name of the results folder; by default the name of the file.", None)
+    question: str | None = key(LINE, "Question that the experiment answers; the report begins with it.", None)
+    repeats: int = key(
+        integer(1, 1000), "Blocks. Each measures every combination once, in random order, with a seed of its own.", 3
+    )
+    seed: int = key(SEED, "Seed of the first block; each further block adds one.", 1)
+    aa_twin: bool = key(
+        BOOLEAN,
+        "Whether one contestant of every scene runs under a second label, too, its A/A twin: the baseline engine's "
+        "first configuration there, else the first of all. By default from three repeats on, where times count.",
+        None,
+    )
+    remeasure: int = key(
+        integer(0, 100), "Rounds, at the end of a run, in which contended cells are measured again, where times count.", 2
+    )
+    timing: bool = key(BOOLEAN, "Whether times count. Otherwise cells may run in parallel, on any machine of a cluster.", True)
+    images: str = key(
+        one_of(*IMAGES),
+        "Checkpoints whose images are kept; some: 1, 4 and 16 samples and the last, all of the first block.",
+        "some",
+    )
+    baseline: str | None = key(
+        OrNull(NAME), "Engine that speed-ups and images are compared with; by default numpy, else numba, else embree.", None
+    )
+    pairs: tuple[Pair, ...] = key(
+        ListOf(sections.PAIR),
+        "Ratios of times between contestants that differ in several settings; others are formed where one differs.",
+        [],
+    )
+    same_within: float = key(
+        number(0.0, 1.0, open_low=True), "Largest difference of times that counts as the same, as a share.", 0.05
+    )
+    checkpoints: Checkpoints = key(sections.CHECKPOINTS, default={})
+    limits: Limits = key(sections.LIMITS, default={})
+    order: Order = key(sections.ORDER, default={})
+    reference: ReferenceConfig = key(sections.REFERENCE, default={})
+    quality: Quality = key(sections.QUALITY, default={})
+    equivalence: EquivalenceConfig = key(sections.EQUIVALENCE, default={})
+    verify: VerifyConfig | None = key(sections.VERIFY, default=None)
+    combinations: tuple[Combination, ...] = ()
+    warnings: tuple[str, ...] = field(default=(), compare=False)
+    source: str = field(default="", compare=False)
+    folder: Path = field(default=Path(), compare=False)
+
+    def normalised(self) -> dict[str, Any]:
+        """The experiment as plain data that is a valid file: every default filled in, and every combination an `include` entry.
+
+        What the file says of this machine stays as it is: a scene is named as a bare name or a path finds it here.
+        """
+        include = [written(combination) for combination in self.combinations]
+        return {EXPERIMENT: SCHEMA_VERSION, **written(self), "include": include}
 
 
 KEYS = Record(
     "An experiment.",
-    {
-        "raybench_experiment": Key(Kind(_version, {"const": SCHEMA_VERSION}), "Version of the format."),
-        "name": Key(LINE, "Title of the report, and name of the results folder; by default the name of the file.", None),
-        "question": Key(LINE, "Question that the experiment answers; the report begins with it.", None),
-        "repeats": Key(
-            integer(1, 1000), "Blocks. Each measures every combination once, in random order, with a seed of its own.", 3
-        ),
-        "seed": Key(SEED, "Seed of the first block; each further block adds one.", 1),
-        "aa_twin": Key(
-            BOOLEAN,
-            "Whether one contestant of every scene runs under a second label, too, its A/A twin: the baseline engine's "
-            "first configuration there, else the first of all. By default from three repeats on, where times count.",
-            None,
-        ),
-        "remeasure": Key(
-            integer(0, 100), "Rounds, at the end of a run, in which contended cells are measured again, where times count.", 2
-        ),
-        "timing": Key(BOOLEAN, "Whether times count. Otherwise cells may run in parallel, on any machine of a cluster.", True),
-        "images": Key(
-            one_of(*IMAGES),
-            "Checkpoints whose images are kept; some: 1, 4 and 16 samples and the last, all of the first block.",
-            "some",
-        ),
-        "baseline": Key(
-            OrNull(NAME), "Engine that speed-ups and images are compared with; by default numpy, else numba, else embree.", None
-        ),
-        "pairs": Key(
-            ListOf(sections.PAIR),
-            "Ratios of times between contestants that differ in several settings; others are formed where one differs.",
-            [],
-        ),
-        "same_within": Key(
-            number(0.0, 1.0, open_low=True), "Largest difference of times that counts as the same, as a share.", 0.05
-        ),
-        **SETTINGS,
-        **matrix.MATRIX,
-        "checkpoints": _section(sections.CHECKPOINTS),
-        "limits": _section(sections.LIMITS),
-        "order": _section(sections.ORDER),
-        "reference": _section(sections.REFERENCE),
-        "quality": _section(sections.QUALITY),
-        "equivalence": _section(sections.EQUIVALENCE),
-        "verify": Key(sections.VERIFY, sections.VERIFY.meaning, None),
-    },
+    {EXPERIMENT: Key(version(SCHEMA_VERSION), "Version of the format."), **keys_of(Experiment), **SETTINGS, **MATRIX},
 )
 
 
@@ -93,159 +106,68 @@ def experiment_schema() -> Schema:
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **found}
 
 
-@dataclass(frozen=True, slots=True)
-class Experiment:
-    """What a file asks for. `combinations` hold one value of every setting; repeats multiply them later."""
-
-    name: str
-    question: str
-    combinations: tuple[Mapping[str, Any], ...]
-    checkpoints: Checkpoints
-    repeats: int
-    seed: int
-    order_seed: int
-    reference: ReferenceConfig
-    quality: Quality
-    aa_twin: bool
-    remeasure: int
-    images: str
-    timing: bool
-    baseline: str | None
-    pairs: tuple[Mapping[str, Mapping[str, Any]], ...]
-    same_within: float
-    warnings: tuple[str, ...]
-    resolved: Mapping[str, Any]
-    source: str
-    verify: VerifyConfig | None
-    limits: Limits
-    equivalence: Mapping[str, float]
-    folder: Path
-    """That of the file, where code that it names is looked for first."""
+def load(given: str | Path | ConfigFile, overrides: Iterable[str] = ()) -> Experiment:
+    """The experiment of a path, bare name or file that was read, with `key.key=value` overrides applied."""
+    file = given if isinstance(given, ConfigFile) else read_file(given)
+    return parse(file.overridden(overrides), file.path.parent, file.path.stem, file.name)
 
 
-def load(given: str | Path, overrides: Iterable[str] = ()) -> Experiment:
-    """The experiment of a path or bare name, with `key.key=value` overrides applied."""
-    path = paths.find("configs", str(given))
-    shown = paths.shown(path)
-    root = read_yaml(path, ConfigError, shown)
-    for text in overrides:
-        root = override(root, text)
-    return parse(root, path.parent, path.stem, shown)
+def recorded(data: Any, where: str) -> Experiment:
+    """The experiment of which `normalised` made `data`, perhaps on another machine: what it names is not looked up.
+
+    Raises `ConfigError` about the key `config` of the file `where`.
+    """
+    return parse(locate({"config": data}, where, ConfigError).value["config"], RECORDED, "", where)
 
 
-def parse(root: Located, folder: Path, stem: str = "experiment", source: str = "") -> Experiment:
-    """The experiment of a YAML tree; scene paths are looked up beside `folder`."""
-    top = {key: node for key, node in mapping(root).items() if not key.startswith(".")}
-    if "raybench_experiment" not in top:
-        raise root.refuse(f"'raybench_experiment: {SCHEMA_VERSION}' is expected: this is no experiment")
-    given = KEYS.read(replace(root, value=top), folder)
-    settings = {key: given[key] for key in SETTINGS} | {"budget": BUDGET.merged(given["budget"])}
-    combinations, warnings = matrix.expand(given, settings)
-    repeats, seed, timing = given["repeats"], given["seed"], given["timing"]
-    aa_twin = repeats >= 3 and timing if given["aa_twin"] is None else given["aa_twin"]
-    _seeds_differ(root, seed, repeats, given["reference"])
-    experiment = Experiment(
-        name=given["name"] or stem,
-        question=given["question"] or "",
+def parse(root: Located, context: Any, stem: str = "experiment", source: str = "") -> Experiment:
+    """The experiment of a YAML tree. Files that it names are looked up beside `context`, a folder, or not at all where that is
+    `RECORDED`; `stem` is the name of one that gives none."""
+    top = top_level(root)
+    if EXPERIMENT not in top.value:
+        raise root.refuse(f"'{EXPERIMENT}: {SCHEMA_VERSION}' is expected: this is no experiment")
+    top, former = _without_policy(top)
+    given = KEYS.read(top, context)
+    combinations, warnings = expand(given)
+    found = Experiment(
+        **by_field(Experiment, given.values),
         combinations=tuple(combinations),
-        checkpoints=given["checkpoints"],
-        repeats=repeats,
-        seed=seed,
-        order_seed=given["order"]["seed"],
-        reference=given["reference"],
-        quality=given["quality"],
-        aa_twin=aa_twin,
-        remeasure=given["remeasure"] if timing else 0,
-        images=given["images"],
-        warnings=tuple(warnings),
-        resolved={},
+        warnings=(*former, *warnings),
         source=source,
-        verify=given["verify"],
-        timing=timing,
-        baseline=given["baseline"],
-        limits=given["limits"],
-        equivalence=given["equivalence"],
-        pairs=tuple(given["pairs"]),
-        same_within=given["same_within"],
-        folder=folder,
+        folder=Path() if context is RECORDED else context,
     )
-    return replace(experiment, resolved=_resolved(experiment))
+    _seeds_differ(root, found)
+    twin: bool | None = found.aa_twin
+    return replace(
+        found,
+        name=found.name or stem,
+        aa_twin=found.repeats >= 3 and found.timing if twin is None else twin,
+        remeasure=found.remeasure if found.timing else 0,
+    )
 
 
-def read_quality(root: Located) -> Quality:
+def _without_policy(top: Located) -> tuple[Located, list[str]]:
+    """The file without `order.policy`, which former files may say, with a warning where it has its only value."""
+    order = top.value.get("order")
+    policy = order.value.get("policy") if order is not None and isinstance(order.value, dict) else None
+    if order is None or policy is None or policy.value != "blocks":
+        return top, []
+    seed = replace(order, value={key: node for key, node in order.value.items() if key != "policy"})
+    warning = f"{policy.where} is no longer needed: cells always run in blocks"
+    return replace(top, value={**top.value, "order": seed}), [warning]
+
+
+def read_quality(root: Located, context: Any = None) -> Quality:
     """The quality of a tree that has the key `quality` and no other."""
-    return Record("A quality.", {"quality": KEYS.keys["quality"]}).read(root)["quality"]
+    return Record("A quality.", {"quality": KEYS.keys["quality"]}).read(root, context)["quality"]
 
 
-# --- overrides ------------------------------------------------------------------------------------------------------
-
-
-def override(root: Located, text: str) -> Located:
-    """`root` with one `a.b=value` set; the value is YAML. A key that does not exist is made, and checked later."""
-    key, equals, value = text.partition("=")
-    steps = tuple(key.strip().split("."))
-    if not equals or not all(steps):
-        raise ConfigError(f"--set {text}: must look like budget.max_time=5s")
-    parsed = parse_yaml(value, f"--set {key}", ConfigError)
-    mapping(root)
-    return _with(root, steps, parsed)
-
-
-def _with(node: Located, steps: tuple[str, ...], value: Located) -> Located:
-    children = dict(mapping(node))
-    path = (*node.path, steps[0])
-    if len(steps) == 1:
-        children[steps[0]] = _moved(value, Origin("--set", ConfigError), path)
-    else:
-        inside = children.get(steps[0], Located({}, Origin("--set", ConfigError), path))
-        children[steps[0]] = _with(inside, steps[1:], value)
-    return replace(node, value=children)
-
-
-def _moved(node: Located, origin: Origin, path: tuple[str | int, ...]) -> Located:
-    value = node.value
-    if isinstance(value, dict):
-        value = {key: _moved(child, origin, (*path, key)) for key, child in value.items()}
-    elif isinstance(value, list):
-        value = [_moved(child, origin, (*path, index)) for index, child in enumerate(value)]
-    return Located(value, origin, path)
-
-
-# --- whole experiments ----------------------------------------------------------------------------------------------
-
-
-def _seeds_differ(root: Located, seed: int, repeats: int, reference: ReferenceConfig) -> None:
+def _seeds_differ(root: Located, found: Experiment) -> None:
     """Cells may not draw the reference's numbers: the reference would hold the cell's own noise."""
+    seed, repeats, reference = found.seed, found.repeats, found.reference
     used = reference.replicates[1]
     if seed < reference.seed + used and reference.seed < seed + repeats:
         raise root.origin.error(
             f"{root.at(('reference', 'seed')).where}: seeds {reference.seed} and up are the reference's, "
             f"{seed} to {seed + repeats - 1} the cells': choose another reference.seed"
         )
-
-
-def _resolved(experiment: Experiment) -> dict[str, Any]:
-    """The whole experiment as plain data, every default filled in, for the manifest."""
-    return {
-        "raybench_experiment": SCHEMA_VERSION,
-        "name": experiment.name,
-        "question": experiment.question,
-        "source": experiment.source,
-        "combinations": [matrix.plain(combination) for combination in experiment.combinations],
-        "checkpoints": asdict(experiment.checkpoints),
-        "repeats": experiment.repeats,
-        "seed": experiment.seed,
-        "order": {"policy": "blocks", "seed": experiment.order_seed},
-        "aa_twin": experiment.aa_twin,
-        "remeasure": experiment.remeasure,
-        "images": experiment.images,
-        "timing": experiment.timing,
-        "baseline": experiment.baseline,
-        "pairs": list(experiment.pairs),
-        "same_within": experiment.same_within,
-        "verify": asdict(experiment.verify) if experiment.verify else None,
-        "limits": asdict(experiment.limits),
-        "reference": asdict(experiment.reference),
-        "equivalence": experiment.equivalence,
-        "quality": {**asdict(experiment.quality), "targets": list(experiment.quality.targets or []) or "auto"},
-    }

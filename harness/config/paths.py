@@ -30,6 +30,12 @@ def shipped(kind: str) -> dict[str, Path]:
     return dict(sorted(found.items()))
 
 
+def shipped_file(kind: str, name: str) -> Path | None:
+    """The file that a bare name finds; None where it finds none."""
+    found = shipped(kind).get(name)
+    return found.resolve() if found else None
+
+
 def shown(path: Path) -> str:
     """A path for messages and files that others read: from the working directory or the checkout, if it lies below."""
     for root in (Path.cwd(), _PACKAGE.parent):

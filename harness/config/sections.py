@@ -1,39 +1,49 @@
-"""The sections of an experiment file beside its matrix: what each holds, and the keys that describe and read it."""
+"""The sections of an experiment file beside its matrix: what each holds, with the keys that describe and read it."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from typing import Any
 
+from engines.choices import Choice
 from engines.errors import suggestion
 from engines.packages import install_extra
 from engines.registry import is_file, split
-from engines.schema.keys import Given, Key, Record
+from engines.schema.keys import Given, Schema
 from engines.schema.kinds import BOOLEAN, Kind
 from engines.schema.yaml_file import Located
-from harness.config.settings import SETTINGS
-from harness.config.validators import DURATION, NAME, SIZE, ListOf, OrNull, integer, number, one_of
+from harness.config.keys import Section, key, written
+from harness.config.kinds import DURATION, NAME, RECORDED, SEED, SIZE, ListOf, OrNull, integer, number, one_of
+from harness.config.settings import ACCELERATOR, ENGINE, PRECISION, SAMPLER, SHADER
+from harness.statistics.equivalence import DEFAULT_MARGINS, Margins
 from harness.suites import suite
 
 AUTOMATIC = "auto"
 """The certifier that `plan.certifiers` takes."""
 METRICS = ("relmse", "mse", "mape", "smape", "psnr", "ssim", "flip")
-SEED = integer(0, 2**63 - 1)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Checkpoints:
-    """Samples per pixel at which the error is measured: `measure.schedule.checkpoints`."""
+    """Samples per pixel at which the error is measured; by default 1, 2, 3, 4, 6, 8, 12, 16, 24, ...
 
-    ratio: float
-    start: int
+    `measure.schedule.checkpoints` counts them.
+    """
+
+    ratio: float = key(
+        number(1.01, 1024.0),
+        "Ratio of one checkpoint to the one before, in whole samples. 1.4142, the root of two, stands for 3/2 and 4/3 in "
+        "turn: powers of two times the start, and three times them.",
+        1.4142,
+    )
+    start: int = key(integer(1, 2**31), "Samples per pixel of the first checkpoint.", 1)
 
     def describe(self) -> dict[str, Any]:
         """What a cell's id is a hash of. The root of two once gave other numbers (11, 23, ...), and so has a mark now."""
-        return {**asdict(self), **({"between": "3/2"} if self.ratio == 2.0**0.5 else {})}
+        return {"ratio": self.ratio, "start": self.start, **({"between": "3/2"} if self.ratio == 2.0**0.5 else {})}
 
 
 def exact_root(ratio: float) -> float:
@@ -42,91 +52,102 @@ def exact_root(ratio: float) -> float:
     return root if abs(root - ratio) < 1e-4 * ratio else ratio
 
 
-CHECKPOINTS = Record(
-    "Samples per pixel at which the error is measured; by default 1, 2, 3, 4, 6, 8, 12, 16, 24, ...",
-    {
-        "ratio": Key(
-            number(1.01, 1024.0),
-            "Ratio of one checkpoint to the one before, in whole samples. 1.4142, the root of two, stands for 3/2 and 4/3 in "
-            "turn: powers of two times the start, and three times them.",
-            1.4142,
-        ),
-        "start": Key(integer(1, 2**31), "Samples per pixel of the first checkpoint.", 1),
-    },
-    lambda given, context: Checkpoints(exact_root(given["ratio"]), given["start"]),
-)
+def _checkpoints(found: Checkpoints, given: Given, context: Any) -> Checkpoints:
+    return replace(found, ratio=exact_root(found.ratio))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """What a cell may use. `memory_bytes` None stands for a share of the machine's memory: `memory.default_limit`."""
+    """What a cell may use beside its budget.
 
-    memory_bytes: int | None = None
-
-
-LIMITS = Record(
-    "What a cell may use beside its budget.",
-    {
-        "memory": Key(
-            SIZE, "Memory that its processes may hold before they are killed, as 8 GiB; by default 3/4 of the machine's.", None
-        )
-    },
-    lambda given, context: Limits(given["memory"]),
-)
-
-
-ORDER = Record(
-    "Order in which cells run.",
-    {
-        "policy": Key(one_of("blocks"), "Block after block, at random within each.", "blocks"),
-        "seed": Key(SEED, "Seed of the random order.", 1),
-    },
-)
-
-
-def _side(given: Given, context: Any) -> dict[str, Any]:
-    if not given.written:
-        raise given.node.refuse("at least one setting is expected")
-    return given.written
-
-
-_SIDE = Record(
-    "Contestants, by some of their settings; choices by their names alone.",
-    {
-        "engine": Key(NAME, "Engine, by the name that tables use.", None),
-        "accelerator": Key(NAME, "Accelerator.", None),
-        "sampler": Key(NAME, "Sampler.", None),
-        "precision": Key(NAME, "Precision.", None),
-        "threads": Key(integer(1, 1024), "Threads.", None),
-    },
-    _side,
-)
-PAIR = Record(
-    "A ratio of times to form, in however many settings the two differ.",
-    {
-        "contestant": Key(_SIDE, "Contestant whose times are compared."),
-        "baseline": Key(_SIDE, "Contestant that it is compared with; of several, the one that shares the most settings."),
-    },
-    lambda given, context: dict(given.values),
-)
-
-
-@dataclass(frozen=True, slots=True)
-class ReferenceConfig:
-    """How the image compared with is made. `threads` 0 means every core; it changes no pixel. `shader` None is the cells' own.
-
-    `certify` names an engine of another lineage that is to make the same image from other random numbers; `auto` takes one.
+    `memory_bytes` None stands for a share of the machine's memory: `memory.default_limit`.
     """
 
-    engine: str
-    spp: int
-    seed: int
-    sampler: Mapping[str, Any]
-    accelerator: Mapping[str, Any]
-    precision: str | None
-    threads: int
-    certify: str | None
-    shader: Mapping[str, Any] | None = None
+    memory_bytes: int | None = key(
+        SIZE,
+        "Memory that its processes may hold before they are killed, as 8 GiB; by default 3/4 of the machine's.",
+        None,
+        name="memory",
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Order:
+    """Order in which cells run: block after block, at random within each."""
+
+    seed: int = key(SEED, "Seed of the random order.", 1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Contestants:
+    """Contestants, by some of their settings; choices by their names alone."""
+
+    engine: str | None = key(NAME, "Engine, by the name that tables use.", None)
+    accelerator: str | None = key(NAME, "Accelerator.", None)
+    sampler: str | None = key(NAME, "Sampler.", None)
+    precision: str | None = key(NAME, "Precision.", None)
+    threads: int | None = key(integer(1, 1024), "Threads.", None)
+
+    @property
+    def chosen(self) -> Mapping[str, Any]:
+        """The settings that count."""
+        return written(self)
+
+
+def _contestants(found: Contestants, given: Given, context: Any) -> Contestants:
+    if not given.written:
+        raise given.node.refuse("at least one setting is expected")
+    return found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pair:
+    """A ratio of times to form, in however many settings the two differ."""
+
+    contestant: Contestants = key(Section(Contestants, _contestants), "Contestant whose times are compared.")
+    baseline: Contestants = key(
+        Section(Contestants, _contestants),
+        "Contestant that it is compared with; of several, the one that shares the most settings.",
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Certifier:
+    """An engine, `auto`, or null."""
+
+    def read(self, node: Located, context: Any = None) -> str | None:
+        return AUTOMATIC if node.value == AUTOMATIC else OrNull(ENGINE).read(node, context)
+
+    def write(self, value: str | None) -> Any:
+        return AUTOMATIC if value == AUTOMATIC else OrNull(ENGINE).write(value)
+
+    def schema(self) -> Schema:
+        return {"anyOf": [{"const": AUTOMATIC}, *OrNull(ENGINE).schema()["anyOf"]]}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReferenceConfig:
+    """How the reference is made: the mean of independent images."""
+
+    engine: str = key(ENGINE, "Engine that renders it.", "embree")
+    spp: int = key(integer(2, 2**31), "Samples per pixel in all.", 8192)
+    seed: int = key(SEED, "Seed of the first of its images; no cell may have one of its seeds.", 9000)
+    sampler: Choice = key(SAMPLER, "Sampler, as for cells.", "sobol")
+    accelerator: Choice = key(ACCELERATOR, "Accelerator, as for cells.", "auto")
+    precision: str | None = key(PRECISION, "Precision, as for cells.", None)
+    threads: int = key(integer(0, 1024), "Threads; 0 is every core. They change no pixel.", 0)
+    certify: str | None = key(
+        _Certifier(),
+        "An engine of another lineage that renders the image again: the report says whether it is the same. "
+        "By default one that is fast enough; null: none.",
+        AUTOMATIC,
+    )
+    shader: Choice | None = key(
+        OrNull(SHADER),
+        "Shader of one reference that contestants of all shaders race towards; null: each "
+        "shader has its own reference, and its own race.",
+        None,
+    )
 
     @property
     def replicates(self) -> tuple[int, int]:
@@ -140,57 +161,45 @@ class ReferenceConfig:
         return each, count + count % 2
 
 
-def _reference(given: Given, context: Any) -> ReferenceConfig:
+def _reference(found: ReferenceConfig, given: Given, context: Any) -> ReferenceConfig:
     """Refuses engines that give no variance between samples."""
-    for key in ("engine", "certify"):
-        if given[key] and (is_file(given[key]) or split(given[key])[1]):
-            raise given.at(key).refuse("a renderer by process, or with a Python of its own, is raced, but makes no reference")
-    if given["certify"] == given["engine"]:
-        raise given.at("certify").refuse(f"another engine than the reference's, {given['engine']}, is expected")
-    return ReferenceConfig(**given.values)
+    for name in ("engine", "certify"):
+        if given[name] and (is_file(given[name]) or split(given[name])[1]):
+            raise given.at(name).refuse("a renderer by process, or with a Python of its own, is raced, but makes no reference")
+    if found.certify == found.engine:
+        raise given.at("certify").refuse(f"another engine than the reference's, {found.engine}, is expected")
+    return found
 
 
-_ENGINE = SETTINGS["engine"].kind
+_TARGETS = ListOf(number(0.0, 1e30, open_low=True), 1)
 
 
-def _certifier(node: Located) -> str | None:
-    return AUTOMATIC if node.value == AUTOMATIC else OrNull(_ENGINE).read(node)
+def _read_targets(node: Located) -> tuple[float, ...] | None:
+    if node.value == "auto":
+        return None
+    if not isinstance(node.value, list) or not node.value:
+        raise node.refuse("a list of errors, or auto, is expected")
+    return tuple(sorted(set(_TARGETS.read(node)), reverse=True))
 
 
-REFERENCE = Record(
-    "How the reference is made: the mean of independent images.",
-    {
-        "engine": Key(_ENGINE, "Engine that renders it.", "embree"),
-        "spp": Key(integer(2, 2**31), "Samples per pixel in all.", 8192),
-        "seed": Key(SEED, "Seed of the first of its images; no cell may have one of its seeds.", 9000),
-        "sampler": Key(SETTINGS["sampler"].kind, "Sampler, as for cells.", "sobol"),
-        "accelerator": Key(SETTINGS["accelerator"].kind, "Accelerator, as for cells.", "auto"),
-        "precision": Key(SETTINGS["precision"].kind, "Precision, as for cells.", None),
-        "threads": Key(integer(0, 1024), "Threads; 0 is every core. They change no pixel.", 0),
-        "certify": Key(
-            Kind(_certifier, {"anyOf": [{"const": AUTOMATIC}, *OrNull(_ENGINE).schema()["anyOf"]]}),
-            "An engine of another lineage that renders the image again: the report says whether it is the same. "
-            "By default one that is fast enough; null: none.",
-            AUTOMATIC,
-        ),
-        "shader": Key(
-            OrNull(SETTINGS["shader"].kind),
-            "Shader of one reference that contestants of all shaders race towards; null: each "
-            "shader has its own reference, and its own race.",
-            None,
-        ),
-    },
-    _reference,
-)
-
-
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Quality:
-    """The metric that targets are set on; `targets` None stands for `auto`: resolved once, from the first results."""
+    """Metric of the error, and the target errors.
 
-    metric: str
-    epsilon: float
-    targets: tuple[float, ...] | None
+    `targets` None stands for `auto`: they are chosen once, from the first results.
+    """
+
+    metric: str = key(one_of(*METRICS), "Metric of targets and plots.", "relmse")
+    epsilon: float = key(number(0.0, 1e6, open_low=True), "Added to the square of each reference pixel in relMSE.", 0.01)
+    targets: tuple[float, ...] | None = key(
+        Kind(
+            _read_targets,
+            {"oneOf": [{"const": "auto"}, _TARGETS.schema()]},
+            lambda targets: "auto" if targets is None else [*targets],
+        ),
+        "Errors to reach, or auto: four half a decade apart, chosen once from the first results.",
+        [0.1, 0.01, 0.001],
+    )
 
     @property
     def name(self) -> str:
@@ -200,84 +209,64 @@ class Quality:
         return metric_name(self.metric, self.epsilon)
 
 
-def _quality(given: Given, context: Any) -> Quality:
+def _quality(found: Quality, given: Given, context: Any) -> Quality:
     """Refuses targets that no image has, `auto` where qualities rise, and FLIP without its evaluator."""
-    quality = Quality(**given.values)
     if not given.has("metric"):
-        return quality
+        return found
     from harness.metrics import as_error, higher_is_better
 
-    if quality.metric == "flip" and find_spec("flip_evaluator") is None:
+    if found.metric == "flip" and context is not RECORDED and find_spec("flip_evaluator") is None:
         raise given.at("metric").refuse(f"FLIP's evaluator is not installed: {install_extra('flip')}")
-    if not higher_is_better(quality.metric):
-        return quality
-    if quality.targets is None or not given.has("targets"):
-        wanted = f"targets are expected with {quality.metric}: there is no default, and auto is for errors"
-        raise given.node.refuse(wanted)
-    if min(as_error(quality.metric, target) for target in quality.targets) <= 0.0:
+    if not higher_is_better(found.metric):
+        return found
+    if found.targets is None or not given.has("targets"):
+        expected = f"targets are expected with {found.metric}: there is no default, and auto is for errors"
+        raise given.node.refuse(expected)
+    if min(as_error(found.metric, target) for target in found.targets) <= 0.0:
         raise given.at("targets").refuse("must be below 1")
-    return quality
+    return found
 
 
-_TARGETS = ListOf(number(0.0, 1e30, open_low=True), 1)
+_MARGIN = number(0.0, 1.0, open_low=True)
 
 
-def _targets(node: Located) -> tuple[float, ...] | None:
-    if node.value == "auto":
-        return None
-    if not isinstance(node.value, list) or not node.value:
-        raise node.refuse("a list of errors, or auto, is expected")
-    return tuple(sorted(set(_TARGETS.read(node)), reverse=True))
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EquivalenceConfig:
+    """Margins within which the images of two engines count as equivalent."""
+
+    image: float = key(_MARGIN, "Largest difference of the image means, as a share of the radiance.", DEFAULT_MARGINS.image)
+    tile: float = key(
+        _MARGIN, "Largest difference of a tile of 16x16 pixels, as a share of the radiance.", DEFAULT_MARGINS.tile
+    )
+
+    @property
+    def margins(self) -> Margins:
+        """Both, as the tests of equivalence take them."""
+        return Margins(self.image, self.tile)
 
 
-QUALITY = Record(
-    "Metric of the error, and the target errors.",
-    {
-        "metric": Key(one_of(*METRICS), "Metric of targets and plots.", "relmse"),
-        "epsilon": Key(number(0.0, 1e6, open_low=True), "Added to the square of each reference pixel in relMSE.", 0.01),
-        "targets": Key(
-            Kind(_targets, {"oneOf": [{"const": "auto"}, _TARGETS.schema()]}),
-            "Errors to reach, or auto: four half a decade apart, chosen once from the first results.",
-            [0.1, 0.01, 0.001],
-        ),
-    },
-    _quality,
-)
-
-
-def _margin(default: float, of: str) -> Key:
-    return Key(number(0.0, 1.0, open_low=True), f"Largest difference of {of}, as a share of the radiance.", default)
-
-
-EQUIVALENCE = Record(
-    "Margins within which the images of two engines count as equivalent.",
-    {"image": _margin(0.005, "the image means"), "tile": _margin(0.05, "a tile of 16x16 pixels")},
-    lambda given, context: given.values,
-)
-
-
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class VerifyConfig:
-    """Cases of the accuracy suite (ids or sections) that a run includes; `quick` with fewer rays."""
+    """Cases of `raybench verify` that run after all that is timed."""
 
-    cases: tuple[str, ...]
-    quick: bool
-    timeout_seconds: float
+    cases: tuple[str, ...] = key(ListOf(NAME, 1), "Ids of cases or names of sections.", ["stability"])
+    quick: bool = key(BOOLEAN, "Whether to use fewer rays and parameters.", False)
+    timeout_seconds: float = key(DURATION, "Wall time of a verify job.", "300s", name="timeout")
 
 
-def _verify(given: Given, context: Any) -> VerifyConfig:
-    for child in given.at("cases").value if given.has("cases") else ():
+def _verify(found: VerifyConfig, given: Given, context: Any) -> VerifyConfig:
+    """Refuses cases that the suite does not have."""
+    for child in given.at("cases").value if given.has("cases") and context is not RECORDED else ():
         if child.value not in (names := suite().case_names()):
             raise child.refuse(f"unknown case or section: {suggestion(child.value, names)}")
-    return VerifyConfig(tuple(given["cases"]), given["quick"], given["timeout"])
+    return found
 
 
-VERIFY = Record(
-    "Cases of `raybench verify` that run after all that is timed.",
-    {
-        "cases": Key(ListOf(NAME, 1), "Ids of cases or names of sections.", ["stability"]),
-        "quick": Key(BOOLEAN, "Whether to use fewer rays and parameters.", False),
-        "timeout": Key(DURATION, "Wall time of a verify job.", "300s"),
-    },
-    _verify,
-)
+CHECKPOINTS = Section(Checkpoints, _checkpoints)
+LIMITS = Section(Limits)
+ORDER = Section(Order)
+PAIR = Section(Pair)
+REFERENCE = Section(ReferenceConfig, _reference)
+QUALITY = Section(Quality, _quality)
+EQUIVALENCE = Section(EquivalenceConfig)
+VERIFY = Section(VerifyConfig, _verify)

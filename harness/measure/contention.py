@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import psutil
 
-from harness.config.validators import is_number
+from harness.config.kinds import is_number
 from harness.measure.machine import load_1m, usable_cores
 from harness.measure.memory import descendants
 from harness.measure.run_queue import readable, thread_waits

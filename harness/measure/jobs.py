@@ -13,11 +13,11 @@ from typing import Any
 from engines.errors import Unsupported
 from engines.interface import FullPattern
 from engines.scene import load_scene
-from harness.config.settings import engine_settings
 from harness.measure import clock, films, tracing
 from harness.measure.contention import Disturbance
 from harness.measure.messages import End, Go, Parent, Point, Prepared, Traced, Unwritten
 from harness.measure.schedule import Schedule
+from harness.settings import CellSettings, engine_settings
 
 TIMED_HERE = ("build_seconds", "compile_seconds")
 """Counters that are not passed on: the phases of the first renderer are what was waited for."""
@@ -49,8 +49,9 @@ def cell(engine: Any, request: Mapping[str, Any], parent: Parent) -> None:
         points = clock.timed_points(renderer, schedule, estimate, disturbance)
     counters: dict[str, float] = {}
     for point in points:
-        timed = {"window": disturbance.window, "alive": disturbance.alive}
-        hand_over(parent, engine, point.film, request, point.spp, seconds=point.seconds, rays=point.rays, **timed)
+        began, ended = disturbance.window
+        measured = {"seconds": point.seconds, "rays": point.rays, "began": began, "ended": ended, "alive": disturbance.alive}
+        hand_over(parent, engine, point.film, request, point.spp, **measured)
         counters = {key: value for key, value in point.counters.items() if key not in TIMED_HERE}
     disturbance.rest()
     parent.send(End(counters, disturbance.report(), warm_build))
@@ -82,7 +83,7 @@ def trace(engine: Any, request: Mapping[str, Any], parent: Parent) -> None:
     seconds, passes = tracing.timed_passes(tracer, request, rays, disturbance)
     disturbance.rest()
     tracing.leave_answers(tracer, request, rays)
-    parent.send(Traced(seconds, passes, disturbance.window, disturbance.alive))
+    parent.send(Traced(seconds, passes, *disturbance.window, disturbance.alive))
     parent.send(End({}, disturbance.report()))
 
 
@@ -100,7 +101,7 @@ def loaded(request: Mapping[str, Any]) -> tuple[Any, float]:
 def settings_of(request: Mapping[str, Any], seed: int, sampler: Any = None) -> Any:
     """The request's settings, with another sampler where one is given."""
     settings = request["settings"] if sampler is None else {**request["settings"], "sampler": sampler}
-    return engine_settings(settings, seed, request["allow_imports"])
+    return engine_settings(CellSettings.of(settings), seed, request["allow_imports"])
 
 
 def hand_over(parent: Parent, engine: Any, film: Any, request: Mapping[str, Any], spp: int, **measured: Any) -> None:

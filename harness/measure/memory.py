@@ -9,7 +9,7 @@ from time import monotonic
 import psutil
 
 from engines.memory import machine_bytes
-from harness.config.validators import UNITS
+from harness.config.kinds import UNITS
 
 DEFAULT_SHARE = 0.75
 """Of the machine's memory, for a cell that no config limits."""

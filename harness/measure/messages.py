@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import os
 from typing import NamedTuple, TypeVar
 
-from engines.processes import Channel, Closed, records
-from engines.processes.records import Count, Counts, Fields, Flag, Integer, Items, Numbers, Seconds, SecondsOrNone, Text, Window
+from engines.processes import Channel, records
+from engines.processes.records import Count, Counts, Fields, Flag, Integer, Items, Numbers, Seconds, SecondsOrNone, Text
 
 MOST_BYTES = 1 << 24
 """Of one message."""
@@ -46,7 +45,7 @@ class Prepared(NamedTuple):
 class Point(NamedTuple):
     """A checkpoint, whose film waits in the request's file; the worker waits for `Go`.
 
-    `seconds` and `rays` as in `clock.Point`. `window`: when its timed call began and ended, by `monotonic`; `alive`: the
+    `seconds` and `rays` as in `clock.Point`. Its timed call `began` and `ended` at these moments of `monotonic`; `alive`: the
     threads that there were after it.
     """
 
@@ -54,7 +53,8 @@ class Point(NamedTuple):
     seconds: Seconds
     rays: SecondsOrNone = None
     overshoots: Flag = False
-    window: Window = (0.0, 0.0)
+    began: Seconds = 0.0
+    ended: Seconds = 0.0
     alive: Counts = ()
 
 
@@ -63,7 +63,8 @@ class Traced(NamedTuple):
 
     seconds: Seconds
     passes: Count
-    window: Window = (0.0, 0.0)
+    began: Seconds = 0.0
+    ended: Seconds = 0.0
     alive: Counts = ()
 
 
@@ -112,17 +113,14 @@ def answer_of(data: bytes | bytearray) -> Answer:
 
 
 class Parent:
-    """The parent's end of a worker's channel. Where it has gone, the process that asks it ends."""
+    """The parent's end of a worker's channel. Where it has gone, the process ends."""
 
-    def __init__(self, channel: Channel) -> None:
-        self._channel = channel
+    def __init__(self, descriptor: int) -> None:
+        self._channel = Channel.at(descriptor, exits=True)
 
     def send(self, answer: Answer) -> None:
         self._channel.send(records.encoded(answer))
 
     def receive(self, expected: type[T]) -> T:
         """The next request, of this type."""
-        try:
-            return records.decoded(self._channel.receive().data, [expected])
-        except Closed:
-            os._exit(0)
+        return records.decoded(self._channel.receive().data, [expected])

@@ -170,8 +170,8 @@ class Worker:
 
     def ended_waits(self, answer: Point | Traced) -> float:
         """Seconds that threads waited in a timed call and could not be counted after it; see `EndedThreads`."""
-        start, end = answer.window
-        return 0.0 if self.threads is None else self.threads.waited(self._watch.pids, start, end, answer.alive)
+        window = answer.began, answer.ended
+        return 0.0 if self.threads is None else self.threads.waited(self._watch.pids, *window, answer.alive)
 
     def _died(self) -> NoReturn:
         ending = self._process.ended()

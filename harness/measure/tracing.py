@@ -14,13 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from engines.choices import shaders_and_samplers
+from engines.choices import Choice, shaders_and_samplers
 from engines.errors import RendererFailed, Unsupported
 from engines.interface import Engine, HasTracer, RayTracer, Settings
 from engines.scene import Scene
-from harness.config.settings import plugin_or_choice
 from harness.measure import clock
 from harness.measure.contention import Disturbance
+from harness.settings import plugin_or_choice
 
 FIRST_RAYS = 16_384
 """Rays of the call that does not count: enough for engines that share large sets among threads."""
@@ -54,7 +54,7 @@ def why_not(engine: Engine, scene: Scene, settings: Mapping[str, Any], allow_imp
 
 
 def _settings(wanted: Mapping[str, Any], allow_imports: bool, **more: Any) -> Settings:
-    accelerator = plugin_or_choice("accelerator", wanted["accelerator"], allow_imports)
+    accelerator = plugin_or_choice("accelerator", Choice.of(wanted["accelerator"]), allow_imports)
     return Settings(accelerator=accelerator, precision=wanted["precision"], threads=wanted["threads"], **more)
 
 

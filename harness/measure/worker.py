@@ -44,15 +44,13 @@ def main(descriptors: Sequence[int], arguments: Sequence[str]) -> None:
         code = engine_code(engine, name)
     except BaseException as error:
         seconds, failure = 0.0, one_line(error)
-    from engines.processes import Channel
     from harness.measure import messages
 
-    parent = messages.Parent(Channel.at(descriptors[0]))
+    parent = messages.Parent(descriptors[0])
     if failure:
         parent.send(messages.Failed(failure))
         os._exit(0)
     # What a cell needs besides, so that children find it.
-    import harness.config.settings
     import harness.measure.clock
     import harness.measure.jobs  # noqa: F401
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from shlex import quote
 from typing import Any
 
+from engines.choices import Choice
 from engines.interface import FullPattern
 from engines.registry import is_file, names_a_program, split
 from harness.config import Checkpoints, Experiment, paths
@@ -16,6 +17,7 @@ from harness.config.settings import Budget, SceneFile
 from harness.measure.schedule import Schedule
 from harness.plan.references import PlannedReference
 from harness.plan.verify_jobs import VerifyJob
+from harness.settings import CHOICES, CellSettings
 
 WARM_UP_SEED = 1 << 40
 """Added to a cell's seed for the pass that is discarded."""
@@ -23,7 +25,7 @@ WARM_UP_SEED = 1 << 40
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """One point of a sweep. `spec` is the preimage of `cell_id`; `settings` are plain data for the engine."""
+    """One point of a sweep. `spec` is the preimage of `cell_id`."""
 
     cell_id: str
     configuration: str
@@ -36,7 +38,7 @@ class Cell:
     scene_hash: str
     engine: str
     engine_name: str
-    settings: Mapping[str, Any]
+    settings: CellSettings
     budget: Budget
     reference_id: str | None
     skip: str | None
@@ -48,7 +50,7 @@ class Cell:
     """Whether the engine promises the same images at every repetition."""
     division: str = "closed"
     """The ranking it stands in. No part of the spec: another one is written down without measuring again."""
-    raced: Mapping[str, Any] | None = None
+    raced: Choice | None = None
     """The shader of the reference, where cells of all shaders race towards it."""
     auto_accelerator: str = ""
     """Which accelerator `auto` takes, and why, where the engine says so."""
@@ -58,21 +60,21 @@ class Cell:
     def command(self, spp: int) -> str:
         """The command that renders `spp` samples of this cell again, to the bit."""
         engine = _engine_word(self.engine)
-        plain = {kind: self.settings[kind] for kind in ("shader", "sampler", "accelerator")} | {"sampler": self.sampler(spp)}
+        settings = replace(self.settings, sampler=self.sampler(spp))
         words = ["raybench", "render", _scene_word(self.scene), "--engine", engine]
         for name, value in self.scene.parameters:
             words += ["-D", f"{name}={value}"]
         words += ["--allow-outside"] if self.scene.allow_outside else []
-        for kind, choice in plain.items():
-            words += [f"--{kind}", flow(choice)]
-        words += ["--threads", str(self.settings["threads"]), "--precision", self.settings["precision"]]
-        words += ["--size", f"{self.settings['width']}x{self.settings['height']}", "--seed", str(self.seed)]
+        for kind in CHOICES:
+            words += [f"--{kind}", flow(getattr(settings, kind))]
+        words += ["--threads", str(settings.threads), "--precision", settings.precision]
+        words += ["--size", f"{settings.width}x{settings.height}", "--seed", str(self.seed)]
         words += ["--spp", str(spp), "-o", "image.exr", *(["--allow-commands"] if names_a_program(self.engine) else [])]
         return " ".join(quote(word) for word in words)
 
-    def sampler(self, spp: int) -> Mapping[str, Any]:
+    def sampler(self, spp: int) -> Choice:
         """The sampler of the checkpoint at `spp`."""
-        return next((each.sampler for each in self.patterns if each.spp == spp), self.settings["sampler"])
+        return next((Choice.of(each.sampler) for each in self.patterns if each.spp == spp), self.settings.sampler)
 
     def request(self, checkpoints: Checkpoints) -> dict[str, Any]:
         """The request that a worker gets for this cell."""
@@ -80,7 +82,7 @@ class Cell:
             "scene_path": self.scene.path,
             **self.scene.options,
             "scene_hash": self.scene_hash,
-            "settings": dict(self.settings),
+            "settings": self.settings.describe(),
             "seed": self.seed,
             "warm_up_seed": self.seed + WARM_UP_SEED,
             "schedule": Schedule.of(checkpoints, self.budget)._asdict(),
@@ -120,15 +122,10 @@ def _from_here(path: Path) -> str:
     return str(path.relative_to(Path.cwd())) if path.is_relative_to(Path.cwd()) else str(path)
 
 
-def flow(choice: Mapping[str, Any]) -> str:
+def flow(choice: Choice) -> str:
     """A choice as a command line takes it: its name, or a YAML flow mapping."""
-    if set(choice) == {"name"}:
-        return choice["name"]
-    pairs = [f"{key}: {value if key == 'name' else json.dumps(value)}" for key, value in choice.items()]
+    plain = choice.describe()
+    if set(plain) == {"name"}:
+        return choice.name
+    pairs = [f"{key}: {value if key == 'name' else json.dumps(value)}" for key, value in plain.items()]
     return "{" + ", ".join(pairs) + "}"
-
-
-def words(choice: Mapping[str, Any]) -> str:
-    """A choice as people read it: path_tracer(max_depth=6)."""
-    options = ", ".join(f"{key}={value}" for key, value in choice.items() if key != "name")
-    return f"{choice['name']}({options})" if options else str(choice["name"])

@@ -5,13 +5,16 @@ A certifier is of another lineage than the reference's engine: engines of one li
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
 
+from engines.choices import SAMPLERS, Choice, resolve
 from engines.errors import ConfigError
 from engines.interface import Engine
 from engines.registry import lineage_of
 from harness.plan.references import REPLICATES, Certifier
+from harness.settings import CellSettings
 
 FAST, SMALL, LARGE = ("embree",), ("numpy",), ("mitsuba", "mitsuba_scalar")
 """Candidates, in the order in which they are asked: the fast one, then numpy where the image is small, then Mitsuba."""
@@ -43,13 +46,14 @@ def share(lineage: str, width: int, height: int, reference_spp: int) -> Share:
     return Share(factor, 2 ** (max(each, 1).bit_length() - 1))
 
 
-def samplers(spp: int) -> list[Any]:
+def samplers(spp: int) -> list[Choice]:
     """What a certifier samples with that lacks the reference's sampler: whole patterns of strata, or independent numbers.
 
     Within a pixel strata find the share of a small bright light, on which the mean of an image may depend, far more exactly.
     """
     whole = spp in (4, 16, 64, 256, 1024, 4096)
-    return [*([{"name": "stratified", "strata": spp}] if whole else []), "random"]
+    written = [*([{"name": "stratified", "strata": spp}] if whole else []), "random"]
+    return [resolve("sampler", each, SAMPLERS) for each in written]
 
 
 def candidates(width: int, height: int) -> tuple[str, ...]:
@@ -84,6 +88,6 @@ def first_able(names: tuple[str, ...], lineage: str, attempt: Callable[[str], Ce
     return next(iter(refusals.values()))._replace(why_not=f"no engine of another lineage can: {reasons}")
 
 
-def smaller(settings: Mapping[str, Any], factor: int) -> dict[str, Any]:
+def smaller(settings: CellSettings, factor: int) -> CellSettings:
     """The settings of an image of 1 / `factor` of the width and height."""
-    return {**settings, "width": settings["width"] // factor, "height": settings["height"] // factor}
+    return replace(settings, width=settings.width // factor, height=settings.height // factor)

@@ -5,20 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from engines.choices import Choice
 from engines.errors import ConfigError, RaybenchError
 from engines.interface import Engine, FullPattern
 from harness.measure.schedule import Schedule, checkpoints
 
 
-def full_patterns(engine: Engine, sampler: Mapping[str, Any], schedule: Schedule) -> tuple[FullPattern, ...] | None:
+def full_patterns(engine: Engine, sampler: Choice, schedule: Schedule) -> tuple[FullPattern, ...] | None:
     """The patterns of at most `max_spp` samples at the checkpoints, each once; None for a sampler without patterns.
 
     None of them where the smallest pattern is larger. Raises `ConfigError` where the engine answers something else.
     """
-    if not callable(getattr(engine, "full_pattern", None)) or ":" in sampler["name"]:
+    if not callable(getattr(engine, "full_pattern", None)) or ":" in sampler.name:
         return None
     found: dict[int, FullPattern] = {}
-    for pattern in _answers(engine, sampler, schedule):
+    for pattern in _answers(engine, sampler.describe(), schedule):
         if pattern is None:
             return None
         if pattern.spp <= schedule.max_spp:

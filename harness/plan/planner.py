@@ -6,14 +6,15 @@ engines and scenes are loaded here once, so that every mistake in a name is foun
 
 from __future__ import annotations
 
+import json
 import random
-import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from engines import choices, memory
+from engines import memory
+from engines.choices import Choice
 from engines.errors import ConfigError, RaybenchError, UnknownName, suggestion
 from engines.film import BYTES_A_PIXEL as FILM_BYTES
 from engines.interface import Engine
@@ -24,33 +25,23 @@ from harness.config import SCHEMA_VERSION, Experiment
 from harness.config.experiment import PREFERRED_BASELINES
 from harness.config.paths import shown
 from harness.config.sections import AUTOMATIC
-from harness.config.settings import (
-    Budget,
-    SceneFile,
-    completed,
-    engine_settings,
-    plugin_or_choice,
-    require_commands,
-    require_imports,
-)
+from harness.config.settings import Combination, SceneFile
 from harness.hashing import digest
 from harness.measure.machine import usable_cores
 from harness.measure.schedule import Schedule
-from harness.plan import certifiers
+from harness.plan import answers, certifiers
 from harness.plan.cells import Cell, Plan, flow
 from harness.plan.names import names_of
 from harness.plan.patterns import full_patterns
 from harness.plan.references import Certifier, PlannedReference
 from harness.plan.verify_jobs import planned
 from harness.processes import allow_here
+from harness.settings import CellSettings, completed, require_commands, require_imports
 from harness.source_hashes import engine_code, environment_of, plugin_codes
-from harness.statistics.equivalence import Margins
 
 BYTES_A_PIXEL = 2 * FILM_BYTES + 4 * 3 * 8
 """Of a cell: a film where it is rendered and one here, and the reference's mean, halves and variance."""
 AA_LABEL = "A/A"
-REPRODUCIBLE = ("seeds_matter", "a_split_render_is_the_same")
-"""Claims of `engines.conformance` that make an image a function of seed and samples."""
 
 
 def make(
@@ -67,14 +58,14 @@ def make(
     for block in range(experiment.repeats):
         members = sorted((_in_block(cell, experiment, block) for cell in configurations), key=lambda cell: cell.cell_id)
         # The order depends on the seed and on the specs, not on how the file is written.
-        random.Random(f"{experiment.order_seed}/{block}").shuffle(members)
+        random.Random(f"{experiment.order.seed}/{block}").shuffle(members)
         cells += [replace(cell, order=len(cells) + index) for index, cell in enumerate(members)]
     unique = {cell.cell_id: cell for cell in reversed(cells)}
     cells = [cell for cell in cells if unique[cell.cell_id] is cell]
     warned = [f"{shown(Path(file.path))}: {text}" for file, scene in known.scenes.items() for text in scene.warnings]
     _baseline_runs(experiment, {cell.engine_name for cell in cells})
     _pairs_exist(experiment, configurations)
-    compared = {str(combination["engine"]): None for combination in experiment.combinations}
+    compared = dict.fromkeys(combination.engine for combination in experiment.combinations)
     verify_jobs = planned(experiment.verify, {name: known.engines[name] for name in compared})
     return Plan(experiment, tuple(cells), references, (*experiment.warnings, *warned), verify_jobs)
 
@@ -101,20 +92,22 @@ def _pairs_exist(experiment: Experiment, configurations: Iterable[Cell]) -> None
     """Refuses a pair with a side that is no contestant of the experiment, and one whose sides are in different divisions."""
     runs = [
         {
-            **cell.settings,
             "engine": cell.engine_name,
-            "accelerator": cell.settings["accelerator"]["name"],
-            "sampler": cell.settings["sampler"]["name"],
+            "accelerator": cell.settings.accelerator.name,
+            "sampler": cell.settings.sampler.name,
+            "precision": cell.settings.precision,
+            "threads": cell.settings.threads,
             "division": cell.division,
         }
         for cell in configurations
     ]
     for index, pair in enumerate(experiment.pairs):
         divisions = []
-        for side, wanted in pair.items():
-            found = [settings for settings in runs if all(settings[key] == value for key, value in wanted.items())]
+        for side, expected in (("contestant", pair.contestant.chosen), ("baseline", pair.baseline.chosen)):
+            found = [settings for settings in runs if all(settings[key] == value for key, value in expected.items())]
             if not found:
-                where = f"{experiment.source} pairs[{index}].{side} = {flow(wanted)}"
+                said = ", ".join(f"{key}: {json.dumps(value)}" for key, value in expected.items())
+                where = f"{experiment.source} pairs[{index}].{side} = {{{said}}}"
                 raise ConfigError(f"{where}: no contestant of this experiment has these settings")
             divisions.append({settings["division"] for settings in found})
         if not set.intersection(*divisions):
@@ -127,23 +120,23 @@ class _Known:
 
     def __init__(self, experiment: Experiment, allow_imports: bool, allow_commands: bool, allow_outside: bool) -> None:
         self.allow_imports, self.allow_outside = allow_imports, allow_outside
-        names = dict.fromkeys(str(combination["engine"]) for combination in experiment.combinations)
+        names = dict.fromkeys(combination.engine for combination in experiment.combinations)
         self.engines: dict[str, Engine] = {}
         certify = experiment.reference.certify
         named = None if certify == AUTOMATIC else certify
         for name in filter(None, [*names, experiment.reference.engine, named]):
             require_imports(name, allow_imports)
             require_commands(name, allow_commands)
-            _accelerators(self.engines.setdefault(name, engine_of(name)))  # raises: it cannot list them
+            answers.accelerators(self.engines.setdefault(name, engine_of(name)))  # raises: it cannot list them
         self.names = names_of(self.engines)
         self.candidates: dict[str, Engine | None] = {}
         self._codes: dict[str, str] = {}
         files = dict.fromkeys(self.file(combination) for combination in experiment.combinations)
         self.scenes: dict[SceneFile, Scene] = {file: file.load(allow_imports) for file in files}
 
-    def file(self, combination: Mapping[str, Any]) -> SceneFile:
+    def file(self, combination: Combination) -> SceneFile:
         """The scene's file, as it may be read."""
-        return replace(combination["scene"], allow_outside=self.allow_outside)
+        return replace(combination.scene, allow_outside=self.allow_outside)
 
     def code(self, name: str) -> str:
         """The hash of an engine's code."""
@@ -164,91 +157,57 @@ class _Known:
                 self.candidates[name] = None
         return self.candidates[name]
 
-    def accelerator(self, name: str, given: Mapping[str, Any]) -> tuple[dict[str, Any], str | None]:
+    def accelerator(self, name: str, given: Choice) -> tuple[Choice, str | None]:
         """The accelerator with its options, and why the engine has none such. Unknown to all engines is an error."""
-        if ":" in given["name"]:
+        if ":" in given.name:
             return completed("accelerator", given, self.allow_imports), None
-        if _resolves(self.engines[name], given):
-            return _resolved(self.engines[name], given), None
-        if any(_resolves(other, given) for other in self.engines.values()):
-            return dict(given), f"the engine {name} has no accelerator {flow(given)}"
+        if answers.resolves(self.engines[name], given):
+            return answers.resolved(self.engines[name], given), None
+        if any(answers.resolves(other, given) for other in self.engines.values()):
+            return given, f"the engine {name} has no accelerator {flow(given)}"
         for other in self.engines.values():
-            if given["name"] in _accelerators(other):
-                _resolved(other, given)  # raises: it knows the name, but not the options
-        raise UnknownName("accelerator", given["name"], {a for e in self.engines.values() for a in _accelerators(e)})
+            if given.name in answers.accelerators(other):
+                answers.resolved(other, given)  # raises: it knows the name, but not the options
+        raise UnknownName("accelerator", given.name, {a for e in self.engines.values() for a in answers.accelerators(e)})
 
 
-def _accelerators(engine: Engine) -> Mapping[str, Any]:
-    try:
-        found: Any = engine.accelerators()
-    except RaybenchError:
-        raise
-    except (Exception, SystemExit) as error:
-        message = f"engine {engine.name}: accelerators failed: {type(error).__name__}: {error}"
-        raise ConfigError(message) from error
-    if not isinstance(found, Mapping) or not all(isinstance(options, Mapping) for options in found.values()):
-        raise ConfigError(
-            f"engine {engine.name}: accelerators returned {found!r}: a mapping from names to mappings of options is expected"
-        )
-    return {"auto": {}, **found}
-
-
-def _resolved(engine: Engine, given: Mapping[str, Any]) -> dict[str, Any]:
-    return choices.resolve("accelerator", dict(given), _accelerators(engine)).describe()
-
-
-def _resolves(engine: Engine, given: Mapping[str, Any]) -> bool:
-    try:
-        _resolved(engine, given)
-    except RaybenchError:
-        return False
-    return True
-
-
-def _precision(engine: Engine, scene: Scene, settings: Mapping[str, Any], allow_imports: bool) -> str:
-    """The precision where the config has none: float64, the same for all engines, but for one that has float32 alone."""
-    double = {**settings, "precision": "float64"}
-    single = {**settings, "precision": "float32"}
-    able = _why_not(engine, scene, double, allow_imports) is None
-    return "float64" if able or _why_not(engine, scene, single, allow_imports) else "float32"
-
-
-def _configured(experiment: Experiment, combination: Mapping[str, Any], known: _Known) -> tuple[Cell, PlannedReference | None]:
+def _configured(experiment: Experiment, combination: Combination, known: _Known) -> tuple[Cell, PlannedReference | None]:
     """A configuration as a cell without block and seed, and the reference it needs."""
     file = known.file(combination)
-    scene, engine = known.scenes[file], known.engines[combination["engine"]]
-    accelerator, lacking = known.accelerator(combination["engine"], combination["accelerator"])
-    width, height = combination["resolution"] or scene.camera.resolution
+    scene, engine = known.scenes[file], known.engines[combination.engine]
+    accelerator, lacking = known.accelerator(combination.engine, combination.accelerator)
+    width, height = combination.resolution or scene.camera.resolution
     memory.require(BYTES_A_PIXEL * width * height, f"{experiment.source} resolution: a cell of {width}x{height} pixels")
-    settings = {
-        **{kind: completed(kind, combination[kind], known.allow_imports) for kind in ("shader", "sampler")},
-        "accelerator": accelerator,
-        "precision": combination["precision"] or "float64",
-        "threads": combination["threads"],
-        "width": int(width),
-        "height": int(height),
-    }
-    if combination["precision"] is None and not lacking:
-        settings["precision"] = _precision(engine, scene, settings, known.allow_imports)
-    skip = lacking or _why_not(engine, scene, settings, known.allow_imports)
+    settings = CellSettings(
+        shader=completed("shader", combination.shader, known.allow_imports),
+        sampler=completed("sampler", combination.sampler, known.allow_imports),
+        accelerator=accelerator,
+        precision=combination.precision or "float64",
+        threads=combination.threads,
+        width=int(width),
+        height=int(height),
+    )
+    if combination.precision is None and not lacking:
+        settings = replace(settings, precision=answers.precision(engine, scene, settings, known.allow_imports))
+    skip = lacking or answers.why_not(engine, scene, settings, known.allow_imports)
     wanted, unreferenced = _reference(experiment, file, scene, settings, known)
     skip = skip or unreferenced
-    budget: Budget = combination["budget"]
-    patterns = None if skip else full_patterns(engine, settings["sampler"], Schedule.of(experiment.checkpoints, budget))
+    budget, plain = combination.budget, settings.describe()
+    patterns = None if skip else full_patterns(engine, settings.sampler, Schedule.of(experiment.checkpoints, budget))
     if patterns == ():
         skip = f"no whole pattern of its sampler has at most {budget.max_spp} samples per pixel, the budget.max_spp"
-    named = known.names[combination["engine"]]
+    named = known.names[combination.engine]
     spec = {
         "schema": SCHEMA_VERSION,
         "scene": scene.identity,
         "engine": named,
         "engine_version": str(engine.version),
-        **settings,
+        **plain,
         "max_time_seconds": budget.max_time_seconds,
         "max_spp": budget.max_spp,
         "checkpoints": experiment.checkpoints.describe(),
         "label": None,
-        "code": {"engine": known.code(combination["engine"]), **plugin_codes(settings)},
+        "code": {"engine": known.code(combination.engine), **plugin_codes(plain)},
         **({"environment": environment} if (environment := environment_of(engine)) else {}),
         **({"patterns": [asdict(each) for each in patterns]} if patterns else {}),
     }
@@ -262,19 +221,19 @@ def _configured(experiment: Experiment, combination: Mapping[str, Any], known: _
         label=None,
         scene=file,
         scene_hash=scene.identity,
-        engine=combination["engine"],
+        engine=combination.engine,
         engine_name=named,
         settings=settings,
         budget=budget,
         reference_id=wanted.reference_id if wanted and not skip else None,
         skip=skip,
         primitives=primitive_count(scene),
-        smooth_sampler=_is_smooth(engine, settings["sampler"], known.allow_imports),
-        reproducible=_is_reproducible(engine),
+        smooth_sampler=answers.is_smooth(engine, settings.sampler, known.allow_imports),
+        reproducible=answers.is_reproducible(engine),
         patterns=patterns or (),
-        division=combination["division"],
-        raced=dict(experiment.reference.shader) if experiment.reference.shader else None,
-        auto_accelerator="" if skip else _auto_accelerator(engine, scene, settings, known.allow_imports),
+        division=combination.division,
+        raced=experiment.reference.shader,
+        auto_accelerator="" if skip else answers.auto_accelerator(engine, scene, settings, known.allow_imports),
     )
     return cell, None if skip else wanted
 
@@ -285,76 +244,27 @@ def primitive_count(scene: Scene) -> int:
     return sum(1 if part is None else len(part) for part in parts)
 
 
-def _is_smooth(engine: Engine, sampler: Mapping[str, Any], allow_imports: bool) -> bool:
-    """Whether the error falls smoothly with every sample: as the plugin says, the engine, or the sampler's name."""
-    if ":" in sampler["name"]:
-        made = plugin_or_choice("sampler", sampler, allow_imports)
-        return getattr(getattr(made, "plugin", made), "smooth", False) is True
-    return sampler["name"] in getattr(engine, "smooth_samplers", choices.SMOOTH_SAMPLERS)
-
-
-def _is_reproducible(engine: Engine) -> bool:
-    """Whether the engine promises that seed and samples decide an image."""
-    broken: Any = getattr(engine, "not_promised", {})
-    return isinstance(broken, Mapping) and not any(claim in broken for claim in REPRODUCIBLE)
-
-
-def _auto_accelerator(engine: Engine, scene: Scene, settings: Mapping[str, Any], allow_imports: bool) -> str:
-    """What the engine says of its choice where the accelerator is `auto`; empty where it says nothing, or fails at it."""
-    says = getattr(engine, "auto_accelerator", None)
-    if settings["accelerator"]["name"] != "auto" or not callable(says):
-        return ""
-    try:
-        return str(says(scene, engine_settings(settings, 0, allow_imports)))
-    except (Exception, SystemExit) as error:
-        message = f"engine {engine.name}: auto_accelerator failed: {type(error).__name__}: {error}"
-        warnings.warn(message, stacklevel=2)
-        return ""
-
-
-def _why_not(engine: Engine, scene: Scene, settings: Mapping[str, Any], allow_imports: bool) -> str | None:
-    """The engine's answer. One that fails at it, or answers something else, is tried: the cell will show."""
-    plain = engine_settings(settings, 0, allow_imports)
-    if scene.native is not None and scene.native.refusal and not getattr(engine, "takes_native", False):
-        return scene.native.refusal
-    try:
-        answer: Any = engine.why_not(scene, plain)
-    except UnknownName as unknown:
-        if unknown.kind in ("sampler", "shader"):  # an engine's own, which the configuration was right to name
-            return f"the engine {engine.name} has no {unknown.kind} {unknown.found}"
-        raise
-    except RaybenchError:
-        raise
-    except (Exception, SystemExit) as error:
-        warnings.warn(f"engine {engine.name}: why_not failed: {type(error).__name__}: {error}: it is tried", stacklevel=2)
-        return None
-    if answer is not None and not isinstance(answer, str):
-        warnings.warn(
-            f"engine {engine.name}: why_not answered {answer!r}: None or a sentence is expected: it is tried", stacklevel=2
-        )
-        return None
-    return answer
-
-
 def _reference(
-    experiment: Experiment, file: SceneFile, scene: Scene, settings: Mapping[str, Any], known: _Known
+    experiment: Experiment, file: SceneFile, scene: Scene, settings: CellSettings, known: _Known
 ) -> tuple[PlannedReference | None, str | None]:
     """The reference of a scene, shader and size; or why its engine cannot make it."""
     given = experiment.reference
     engine = known.engines[given.engine]
-    render_settings = {
-        **settings,
-        "precision": given.precision,
-        "threads": 1,
-        "sampler": dict(given.sampler),
-        "shader": completed("shader", given.shader or settings["shader"], known.allow_imports),
-        "accelerator": _resolved(engine, given.accelerator),
-    }
-    render_settings["precision"] = given.precision or _precision(engine, scene, render_settings, known.allow_imports)
-    why_not = _why_not(engine, scene, render_settings, known.allow_imports)
+    settings = replace(
+        settings,
+        precision=given.precision or "float64",
+        threads=1,
+        sampler=given.sampler,
+        shader=completed("shader", given.shader or settings.shader, known.allow_imports),
+        accelerator=answers.resolved(engine, given.accelerator),
+    )
+    if given.precision is None:
+        settings = replace(settings, precision=answers.precision(engine, scene, settings, known.allow_imports))
+    why_not = answers.why_not(engine, scene, settings, known.allow_imports)
     if why_not:
         return None, f"no reference by {given.engine}: {why_not}"
     each, count = given.replicates
+    plain = settings.describe()
     spec = {
         "schema": SCHEMA_VERSION,
         "scene": scene.identity,
@@ -363,19 +273,17 @@ def _reference(
         "replicate_spp": each,
         "replicates": count,
         "seed": given.seed,
-        **{key: value for key, value in render_settings.items() if key != "threads"},
+        **{key: value for key, value in plain.items() if key != "threads"},
     }
-    spec["code"] = {"engine": known.code(given.engine), **plugin_codes(render_settings)}
-    threads = given.threads or len(usable_cores())
-    render_settings["threads"] = threads
+    spec["code"] = {"engine": known.code(given.engine), **plugin_codes(plain)}
     planned = PlannedReference(
         file.name,
         file.path,
         scene.identity,
         spec,
-        render_settings,
+        replace(settings, threads=given.threads or len(usable_cores())),
         lineage_of(engine),
-        margins=Margins(**experiment.equivalence),
+        margins=experiment.equivalence.margins,
         scene_options=file.options,
     )
     return replace(planned, certifier=_certifier(experiment, scene, planned, known)), None
@@ -403,15 +311,14 @@ def _as_certifier(name: str, scene: Scene, wanted: PlannedReference, known: _Kno
     lineage = lineage_of(engine)
     share = certifiers.share(lineage, wanted.spec["width"], wanted.spec["height"], wanted.spp)
     given = certifiers.smaller(wanted.settings, share.factor)
-    given["accelerator"] = _resolved(engine, {"name": "auto"})
-    given["precision"] = _precision(engine, scene, given, known.allow_imports)
-    why_not = _why_not(engine, scene, given, known.allow_imports)
-    for sampler in certifiers.samplers(share.spp):
+    given = replace(given, accelerator=answers.resolved(engine, Choice("auto")))
+    why_not: str | None = None
+    for sampler in (given.sampler, *certifiers.samplers(share.spp)):
+        given = replace(given, sampler=sampler)
+        given = replace(given, precision=answers.precision(engine, scene, given, known.allow_imports))
+        why_not = answers.why_not(engine, scene, given, known.allow_imports)
         if why_not is None:
             break
-        given["sampler"] = choices.resolve("sampler", sampler, choices.SAMPLERS).describe()
-        given["precision"] = _precision(engine, scene, given, known.allow_imports)
-        why_not = _why_not(engine, scene, given, known.allow_imports)
     return Certifier(name, lineage, f"{engine.version}+{known.code(name)[:8]}", given, share.spp, share.factor, why_not)
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from harness.hashing import digest
+from harness.settings import CellSettings
 from harness.statistics.equivalence import DEFAULT_MARGINS, Margins
 
 REPLICATES = 8
@@ -21,7 +22,7 @@ class Certifier(NamedTuple):
     engine: str
     lineage: str
     version: str
-    settings: Mapping[str, Any]
+    settings: CellSettings
     spp: int
     factor: int
     why_not: str | None
@@ -38,7 +39,7 @@ class PlannedReference:
     scene_path: str
     scene_hash: str
     spec: Mapping[str, Any]
-    settings: Mapping[str, Any]
+    settings: CellSettings
     lineage: str = ""
     certifier: Certifier | None = None
     margins: Margins = DEFAULT_MARGINS

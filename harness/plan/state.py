@@ -47,7 +47,7 @@ def expected_seconds(cells: Iterable[Cell], events: Mapping[str, records.Cell]) 
 
 def budgeted_seconds(cell: Cell) -> float:
     """An estimate of the wall seconds of a cell that uses its budget up."""
-    budget, pixels = cell.budget, cell.settings["width"] * cell.settings["height"]
+    budget, pixels = cell.budget, cell.settings.width * cell.settings.height
     # Patterns are rendered anew: the last one takes the budget, those before it in proportion to their samples.
     renders = sum(each.spp for each in cell.patterns) / cell.patterns[-1].spp if cell.patterns else 1.0
     given = cell.spec["checkpoints"]

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from harness.analysis import analyse
+from harness.console import consoles
 from harness.report.plots import write_plots
+from harness.report.plugins import Plugin, make
 from harness.report.tables import write_tables
 from harness.report.winners import winners_text
 from harness.store import WINNERS
@@ -13,10 +16,11 @@ from harness.store.atomic import write_text
 from harness.store.results import load_results
 
 
-def write_derived(folder: str | Path) -> Path:
+def write_derived(folder: str | Path, plugins: Sequence[Plugin] = ()) -> Path:
     """(Re)writes points.csv, ttq.csv, phases.csv, winners.txt, tables/, plots/ and report.html; returns the report's path.
 
-    Needs manifest, events and images alone, whatever is missing among them. Raises ConfigError without events.
+    Needs manifest, events and images alone, whatever is missing among them. Raises ConfigError without events. What one of the
+    `plugins` raises is a line in the report and on stderr.
     """
     from harness.report.html.assembly import report_html
 
@@ -25,6 +29,9 @@ def write_derived(folder: str | Path) -> Path:
     tables = write_tables(analysis, results.folder)
     plots = write_plots(analysis, results.folder)
     write_text(results.folder / WINNERS, winners_text(analysis))
+    made = make(plugins, analysis, results.folder)
+    for problem in made.problems:
+        consoles()[1].print(problem, soft_wrap=True, markup=False)
     path = results.folder / "report.html"
-    write_text(path, report_html(analysis, tables, plots))
+    write_text(path, report_html(analysis, [*tables, *made.tables], [*plots, *made.pictures], made.problems))
     return path

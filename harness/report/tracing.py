@@ -15,9 +15,9 @@ from rich.table import Table as Printed
 from harness.analysis.columns import Table
 from harness.analysis.tracing import trace_table
 from harness.report.html.assembly import trace_html
-from harness.report.plots.drawing import draw_sketches
-from harness.report.plots.tracing import sketches
-from harness.report.tables import TEXTS
+from harness.report.plots import write_files
+from harness.report.plots.tracing import plots as plots_of
+from harness.report.tables import write_table
 from harness.report.tables.model import estimate_text, number_text
 from harness.statistics import Estimate
 from harness.store.atomic import write_text
@@ -34,9 +34,9 @@ def write_derived(folder: Path) -> Path:
     """Writes tables/, plots/ and report.html anew from trace.json. Returns the report's path."""
     results = read_trace(folder / FILE)
     table = trace_table(results)
-    for suffix, text in TEXTS.items():
-        write_text(folder / "tables" / f"{table.name}.{suffix}", text(table))
-    plots = draw_sketches(sketches(results), folder / "plots")
+    write_table(table, folder / "tables")
+    plots = plots_of(results)
+    write_files(plots, folder / "plots")
     path = folder / "report.html"
     write_text(path, trace_html(results, table, plots))
     return path

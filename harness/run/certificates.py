@@ -9,7 +9,6 @@ and that version of the other engine alone. What the other engine can afford is 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
@@ -25,6 +24,7 @@ from harness.measure.pool import WorkerFailed
 from harness.plan.certifiers import smaller
 from harness.plan.references import REPLICATES, PlannedReference
 from harness.run.references import Images, Report, held, replicates
+from harness.settings import CellSettings
 from harness.statistics import equivalence
 from harness.statistics.equivalence import Array
 from harness.store import read_json, validation, write_json
@@ -54,7 +54,7 @@ def spec_of(wanted: PlannedReference) -> dict[str, Any]:
         "engine_version": certifier.version,
         "lineage": certifier.lineage,
         "factor": certifier.factor,
-        "settings": {key: value for key, value in certifier.settings.items() if key != "threads"},
+        "settings": {key: value for key, value in certifier.settings.describe().items() if key != "threads"},
         "replicates": REPLICATES,
         "replicate_spp": certifier.spp,
         "margins": list(wanted.margins),
@@ -107,8 +107,8 @@ def _made(wanted: PlannedReference, root: Path, pool: Images, report: Report) ->
         scene=wanted.scene_name,
         reference_engine=wanted.spec["engine"],
         spp=spp,
-        width=certifier.settings["width"],
-        height=certifier.settings["height"],
+        width=certifier.settings.width,
+        height=certifier.settings.height,
         message=certifier.why_not or "",
         time=datetime.now(UTC).isoformat(timespec="seconds"),
     )
@@ -119,7 +119,7 @@ def _made(wanted: PlannedReference, root: Path, pool: Images, report: Report) ->
 def _images(
     wanted: PlannedReference,
     engine: str,
-    settings: Mapping[str, Any],
+    settings: CellSettings,
     spp: int,
     count: int,
     pool: Images,

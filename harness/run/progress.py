@@ -12,7 +12,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn
 from rich.text import Text
 
-from harness.plan.cells import Cell, flow
+from harness.plan.cells import Cell
 from harness.store import records
 
 BAR_WIDTH = 10
@@ -33,8 +33,8 @@ class Listener(Protocol):
 def describe(cell: Cell) -> str:
     """A cell in a few words."""
     settings = cell.settings
-    parts = [cell.scene.name, cell.engine_name, flow({"name": settings["accelerator"]["name"]})]
-    parts += [settings["shader"]["name"], settings["sampler"]["name"], settings["precision"], f"{settings['threads']}t"]
+    parts = [cell.scene.name, cell.engine_name, settings.accelerator.name]
+    parts += [settings.shader.name, settings.sampler.name, settings.precision, f"{settings.threads}t"]
     return " ".join([*parts, f"seed {cell.seed}", *([cell.label] if cell.label else [])])
 
 

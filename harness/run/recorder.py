@@ -197,7 +197,7 @@ class Recorder:
             **({"raced": cell.raced} if cell.raced else {}),
             "engine": cell.engine_name,
             "engine_version": cell.spec["engine_version"],
-            **cell.settings,
+            **cell.settings.fields(),
             "reference_id": cell.reference_id,
             "spec": dict(cell.spec),
             "separate_renders": bool(cell.patterns),

@@ -33,6 +33,7 @@ from engines.film import Film
 from harness.measure import machine
 from harness.measure.pool import WorkerFailed
 from harness.plan.references import PlannedReference
+from harness.settings import CellSettings
 from harness.store import atomic, locks
 from harness.store.records import Reference, ReferenceMeta, ReferenceSpec
 from harness.store.reference_files import EXR, META, checksum, film_in, meta_of, refuse_stale, write_meta
@@ -105,7 +106,7 @@ def replicates(
     seeds: Iterable[int],
     pool: Images,
     engine: str | None = None,
-    settings: Mapping[str, Any] | None = None,
+    settings: CellSettings | None = None,
     spp: int = 0,
 ) -> Iterator[tuple[Film, float]]:
     """The reference's image under each seed, with the seconds it took; by another engine, with other settings and samples,
@@ -114,7 +115,7 @@ def replicates(
         "scene_path": wanted.scene_path,
         **wanted.scene_options,
         "scene_hash": wanted.scene_hash,
-        "settings": dict(settings or wanted.settings),
+        "settings": (settings or wanted.settings).describe(),
         "spp": spp or wanted.spec["replicate_spp"],
     }
     yield from pool.replicates(engine or wanted.spec["engine"], request, list(seeds))

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from engines.errors import ConfigError
 from engines.image import read_image
-from engines.schema.yaml_file import parse_yaml
+from engines.schema.yaml_file import locate
 from harness import config, metrics, store
 from harness.analysis.targets import automatic_targets
-from harness.config import Quality
+from harness.config import Experiment, Quality
 from harness.hashing import digest
 from harness.store.records import AnyEvent, Cell, Manifest, Run, Targets
 
@@ -27,7 +26,9 @@ def rescore(folder: Path, overrides: Sequence[str] = (), command: Sequence[str] 
     1e-6 of itself.
     """
     manifest = store.read_manifest(folder)
-    quality = _quality(manifest, overrides)
+    if not manifest.config:
+        raise ConfigError(f"{store.MANIFEST} config: is missing: it is not known what was to be measured")
+    quality = _quality(store.config_of(manifest), overrides)
     history = store.read_events(folder)
     with store.Events(folder) as events:
         cells, scored, without = _scored(folder, history, quality)
@@ -39,13 +40,9 @@ def rescore(folder: Path, overrides: Sequence[str] = (), command: Sequence[str] 
     return scored, without
 
 
-def _quality(manifest: Manifest, overrides: Sequence[str]) -> Quality:
-    """The quality that the folder's config, with overrides applied."""
-    given = manifest.config.get("quality")
-    if given is None:
-        raise ConfigError(f"{store.MANIFEST} config.quality: is missing: it is not known what was to be measured")
-    text = json.dumps({"quality": given})
-    root = parse_yaml(text, store.MANIFEST, ConfigError)
+def _quality(experiment: Experiment, overrides: Sequence[str]) -> Quality:
+    """The quality of the folder's config, with overrides applied."""
+    root = locate({"quality": experiment.normalised()["quality"]}, store.MANIFEST, ConfigError)
     for override in overrides:
         root = config.override(root, override)
     return config.read_quality(root)
@@ -85,9 +82,9 @@ def _record(
 ) -> None:
     """The new quality in manifest and events, with its targets; `auto` ones of another metric are resolved now."""
     now = datetime.now(UTC).isoformat(timespec="seconds")
-    changed = quality.name != _quality(manifest, ()).name
-    written = {**asdict(quality), "targets": list(quality.targets or []) or "auto"}
-    store.write_manifest(folder, manifest.replaced(config={**manifest.config, "quality": written}))
+    experiment = store.config_of(manifest)
+    changed = quality.name != experiment.quality.name
+    store.write_manifest(folder, manifest.replaced(config=replace(experiment, quality=quality).normalised()))
     name = manifest.config_name or manifest.name
     events.append(Run(time=now, run_id=digest([now, *command]), command=tuple(command), config_name=name))
     targets = quality.targets or (automatic_targets(latest.values(), quality.name) if changed else ())

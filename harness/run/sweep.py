@@ -7,7 +7,6 @@ computes errors or draws progress no ray is traced.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -161,7 +160,7 @@ class Sweep:
             raybench_results=FORMAT_VERSION,
             name=experiment.name,
             config_name=experiment.name,
-            config=json.loads(json.dumps(experiment.resolved)),
+            config=experiment.normalised(),
             env_id=self.recorder.env_id,
             cell_ids=tuple(cell.cell_id for cell in self.plan.cells),
             verify_job_ids=tuple(each.verify_job_id for each in self.plan.verify_jobs),

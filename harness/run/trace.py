@@ -15,11 +15,11 @@ from engines.registry import engine as engine_of
 from engines.registry import is_file
 from engines.scene import Mesh, Scene, SphereSet
 from engines.temporary import TemporaryFolder
-from harness.config.settings import SceneFile, require_imports
-from harness.config.trace import TraceExperiment
+from harness.config.settings import SceneFile
 from harness.measure import machine, tracing
 from harness.measure.pool import Pool, WorkerFailed, WorkerTimeout
-from harness.plan.cells import words
+from harness.settings import require_imports
+from harness.trace.experiment import TraceExperiment
 from harness.trace.judge import Faults, Judge, leaks
 from harness.trace.rays import Rays, hard_rays, make_rays
 from harness.trace.records import Answers, Entry, Timing, TraceResults
@@ -64,7 +64,7 @@ def run(
     with TemporaryFolder() as name:
         tasks: list[_Task] = []
         entries: list[Entry] = []
-        for scene in experiment.scenes:
+        for scene in experiment.scene:
             found = _prepared(experiment, scene, Path(name), note, allow_imports)
             entries += [entry for entry, _ in found]
             tasks += [task for _, task in found if task is not None]
@@ -74,7 +74,7 @@ def run(
         name=experiment.name,
         time=datetime.now(UTC).isoformat(timespec="seconds"),
         command=list(command),
-        config=experiment.describe(),
+        config=experiment.normalised(),
         machine=machine.provenance(),
         entries=entries,
     )
@@ -82,13 +82,13 @@ def run(
 
 def _require_engines(experiment: TraceExperiment, allow_imports: bool) -> None:
     """Refuses engines that trace nothing, and accelerators that none of the engines has."""
-    for name in dict.fromkeys(each["engine"] for each in experiment.contestants):
+    for name in experiment.engine:
         require_imports(name, allow_imports)
         if is_file(name):
             raise ConfigError(f"{name}: an external renderer traces no single rays")
-    for name in dict.fromkeys(each["accelerator"]["name"] for each in experiment.contestants):
+    for name in dict.fromkeys(each.name for each in experiment.accelerator):
         require_imports(name, allow_imports)
-        engines = [engine_of(each["engine"]) for each in experiment.contestants]
+        engines = [engine_of(each) for each in experiment.engine]
         if ":" not in name and not any(name in engine.accelerators() for engine in engines):
             known = sorted({each for engine in engines for each in engine.accelerators()})
             raise ConfigError(f"accelerator {name!r}: none of the engines has it: known: {', '.join(known)}")
@@ -120,15 +120,15 @@ def _contestants(
     found: list[tuple[Entry, _Task | None]] = []
     compared: set[int] = set()
     for wanted in experiment.contestants:
-        engine = engine_of(wanted["engine"])
-        if ":" not in wanted["accelerator"]["name"] and wanted["accelerator"]["name"] not in engine.accelerators():
+        engine = engine_of(wanted.engine)
+        if ":" not in wanted.accelerator.name and wanted.accelerator.name not in engine.accelerators():
             continue
         try:
-            reason = tracing.why_not(engine, scene, wanted, allow_imports)
+            reason = tracing.why_not(engine, scene, wanted.describe(), allow_imports)
         except RaybenchError as error:
             reason = str(error)
-        threads = wanted["threads"]
-        is_base = threads not in compared and reason is None and experiment.baseline in (None, wanted["engine"])
+        threads = wanted.threads
+        is_base = threads not in compared and reason is None and experiment.baseline in (None, wanted.engine)
         for twin in (False, True) if is_base and experiment.repeats >= TWINS_FROM else (False,):
             entry = Entry(
                 scene=of.scene.name,
@@ -137,8 +137,8 @@ def _contestants(
                 count=experiment.count,
                 engine=engine.name,
                 version=str(engine.version),
-                accelerator=words(wanted["accelerator"]),
-                precision=wanted["precision"],
+                accelerator=str(wanted.accelerator),
+                precision=wanted.precision,
                 threads=threads,
                 twin=twin,
                 baseline=is_base and not twin,
@@ -151,15 +151,13 @@ def _contestants(
                 "scene_hash": of.scene_hash,
                 "rays": str(of.file),
                 "set": of.kind,
-                "accelerator": wanted["accelerator"],
-                "precision": wanted["precision"],
-                "threads": threads,
+                **wanted.describe(),
                 "batch": experiment.batch,
                 "max_time_seconds": experiment.max_time_seconds,
                 "checked": checked,
                 "hard": len(of.hard.t_max),
             }
-            found.append((entry, None if reason else _Task(entry, wanted["engine"], request, of)))
+            found.append((entry, None if reason else _Task(entry, wanted.engine, request, of)))
         if is_base:
             compared.add(threads)
     return found

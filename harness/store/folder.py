@@ -10,10 +10,11 @@ from pathlib import Path
 
 from engines.errors import ConfigError
 from engines.input_files import unreadable
+from harness.config.experiment import EXPERIMENT, SCHEMA_VERSION, Experiment, recorded
 from harness.store import confined, locks, validation
 from harness.store.events import COMPRESSED, EVENTS, MANIFEST, events_file
 from harness.store.json_files import read_json, write_json
-from harness.store.records import Config, Manifest
+from harness.store.records import Manifest
 
 LOCK, IMAGES = ".lock", "images"
 WINNERS = "winners.txt"
@@ -38,9 +39,9 @@ def write_manifest(folder: Path, manifest: Manifest) -> None:
     write_json(folder / MANIFEST, manifest.model_dump(exclude_unset=True))
 
 
-def config_of(manifest: Manifest) -> Config:
-    """What reports read of the manifest's experiment."""
-    return validation.config(manifest, MANIFEST)
+def config_of(manifest: Manifest) -> Experiment:
+    """The experiment of a manifest; one without cells or name where the manifest has none."""
+    return recorded(manifest.config or {EXPERIMENT: SCHEMA_VERSION, "include": []}, MANIFEST)
 
 
 def image_path(cell_id: str, spp: int, attempt: int = 1) -> str:

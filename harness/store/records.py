@@ -27,8 +27,7 @@ from engines.choices import Choice
 from harness.check_results import CheckResult
 from harness.statistics.bias import BiasEstimate
 from harness.statistics.calibration import BiasFigures, RaceFigures
-from harness.statistics.equivalence import DEFAULT_MARGINS, Equivalence
-from harness.statistics.ratios import MARGIN
+from harness.statistics.equivalence import Equivalence
 from harness.store import confined
 
 BROKEN = ("failed", "timeout")
@@ -43,7 +42,8 @@ def _path(text: str) -> str:
 
 def _metric(text: str) -> str:
     if text.startswith("relmse_e"):
-        Quality(metric="relmse", epsilon=float(text.removeprefix("relmse_e")))
+        if not 0.0 < float(text.removeprefix("relmse_e")) <= 1e6:
+            raise ValueError("an epsilon in (0, 1e6] is expected")
     elif text not in ("mse", "mape", "smape", "psnr", "ssim", "flip"):
         raise ValueError("the name of a metric is expected, such as relmse_e0.01")
     return text
@@ -52,6 +52,11 @@ def _metric(text: str) -> str:
 def _unicode(value: Any) -> Any:
     """What is no Unicode, as parts of file names may be, becomes `?`."""
     return value.encode(errors="replace").decode() if isinstance(value, str) and not value.isascii() else value
+
+
+def _one_nan(value: float) -> float:
+    """NaN as one object: Python calls collections that hold the same one equal."""
+    return math.nan if math.isnan(value) else value
 
 
 def _choice(value: Any) -> Choice:
@@ -72,7 +77,7 @@ Pixels = Annotated[int, Field(ge=1, le=65_536)]
 Threads = Annotated[int, Field(ge=1, le=65_536)]
 MetricName = Annotated[str, AfterValidator(_metric)]
 Target = Annotated[float, Field(gt=0, le=1e30)]
-Numbers = dict[str, float | None]
+Numbers = dict[str, Annotated[float, AfterValidator(_one_nan)] | None]
 Setting = Annotated[Choice, PlainValidator(_choice), PlainSerializer(Choice.describe)]
 """A shader, sampler or accelerator with its options, in JSON `{"name": ..., option: value}`."""
 AsObject = PlainSerializer(lambda value: None if value is None else value._asdict())
@@ -458,55 +463,9 @@ Event = Annotated[AnyEvent, Field(discriminator="event")]
 # --- manifest -------------------------------------------------------------------------------------------------------
 
 
-class Quality(Record):
-    metric: Literal["relmse", "mse", "mape", "smape", "psnr", "ssim", "flip"] = "relmse"
-    epsilon: Annotated[float, Field(gt=0, le=1e6)] = 0.01
-    targets: tuple[Target | Literal["auto"], ...] | Literal["auto"] = "auto"
-
-
-class Scene(Record):
-    name: str = ""
-
-
-class Combination(Record):
-    """What reports read of a combination: the scene's name, and settings as the config has written them."""
-
-    scene: Scene | str | None = None
-    accelerator: Any = None
-    shader: Any = None
-    sampler: Any = None
-    precision: Any = None
-    threads: Any = None
-
-
-class Margins(Record):
-    image: Annotated[float, Field(gt=0, le=1)] = DEFAULT_MARGINS.image
-    tile: Annotated[float, Field(gt=0, le=1)] = DEFAULT_MARGINS.tile
-
-
-class Pair(Record):
-    """Two contestants that the config has compared, each by some of its settings, choices by their names alone."""
-
-    contestant: dict[str, str | int]
-    baseline: dict[str, str | int]
-
-
-class Config(Record):
-    """What reports read of the experiment in a manifest."""
-
-    name: str = ""
-    question: str = ""
-    baseline: str | None = None
-    quality: Quality = Quality()
-    equivalence: Margins = Margins()
-    same_within: Annotated[float, Field(gt=0, lt=1)] = MARGIN
-    combinations: tuple[Combination, ...] = ()
-    pairs: tuple[Pair, ...] = ()
-
-
 class Manifest(Record):
-    """What was run. `config` is the experiment with every default filled in, of which `Config` is read; `merged` are the
-    manifests of the folders that were merged."""
+    """What was run. `config` is the experiment as a file with every default filled in, which `folder.config_of` reads; `merged`
+    are the manifests of the folders that were merged."""
 
     model_config = ConfigDict(extra="allow")
     raybench_results: int

@@ -17,6 +17,7 @@ import numpy as np
 
 from engines.choices import Choice
 from harness.check_results import CheckResult
+from harness.config import Experiment
 from harness.metrics import Reference, as_error, higher_is_better, metric_name
 from harness.statistics.convergence import Curve, curve
 from harness.store import records, reference_files
@@ -29,7 +30,6 @@ from harness.store.records import (
     Calibration,
     Cell,
     Certificate,
-    Config,
     Environment,
     Manifest,
     Point,
@@ -74,7 +74,7 @@ class Contestant:
 
 @dataclass
 class Results:
-    """All that is known of a run. `config` is what is read of the manifest's experiment; `metric` is the quality metric's
+    """All that is known of a run. `config` is the manifest's experiment; `metric` is the quality metric's
     column, `targets` its goals, hardest last.
 
     `environments` are the events that hold the preimages of environment ids, `certificates` those of reference ids,
@@ -84,7 +84,7 @@ class Results:
 
     folder: Path
     manifest: Manifest
-    config: Config
+    config: Experiment
     cells: list[Cell]
     references: dict[str, records.Reference]
     metric: str
@@ -165,8 +165,8 @@ def results_of(folder: Path, manifest: Manifest, events: Sequence[AnyEvent]) -> 
     """Arranges events; cells that a changed config no longer asks for (outdated) are left out."""
     config, targets = config_of(manifest), last_event(events, Targets)
     quality = config.quality
-    metric = targets.metric if targets else metric_name(quality.metric, quality.epsilon)
-    goals = targets.targets if targets else quality.targets
+    metric = targets.metric if targets else quality.name
+    goals = targets.targets if targets else quality.targets or ()
     results = Results(
         folder,
         manifest,
@@ -182,14 +182,8 @@ def results_of(folder: Path, manifest: Manifest, events: Sequence[AnyEvent]) -> 
         last_event(events, ArchivedVerdicts),
         last_event(events, Calibration),
     )
-    results.contestants = _contestants(results.cells, _config_scenes(config))
+    results.contestants = _contestants(results.cells, list(dict.fromkeys(each.scene.name for each in config.combinations)))
     return results
-
-
-def _config_scenes(config: Config) -> list[str]:
-    """Scenes in the order of the config; none where the manifest does not say."""
-    scenes = [combination.scene for combination in config.combinations]
-    return list(dict.fromkeys(scene.name for scene in scenes if isinstance(scene, records.Scene) and scene.name))
 
 
 def phase_seconds(cell: Cell, phase: str) -> float:

@@ -15,7 +15,8 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from engines.errors import ConfigError
-from harness.store.records import AnyEvent, Config, Event, Manifest, ReferenceMeta
+from harness.config import recorded
+from harness.store.records import AnyEvent, Event, Manifest, ReferenceMeta
 
 FORMAT_VERSION = 3
 """Of manifest, events and references together: the manifest's `raybench_results`."""
@@ -37,15 +38,11 @@ def manifest(data: Any, where: str) -> Manifest:
     """The manifest of a file's data. Raises `ConfigError` if this is none, or one of another version of the format."""
     version(data, where)
     found: Manifest = _read(Manifest, data, where)
-    config(found, where)
+    if found.config:
+        recorded(found.config, where)
     for index, source in enumerate(found.merged):
         manifest({"raybench_results": FORMAT_VERSION, **source}, f"{where} merged[{index}]")
     return found
-
-
-def config(of: Manifest, where: str) -> Config:
-    """What is read of a manifest's experiment. Raises `ConfigError` where that is no such."""
-    return _read(Config, of.config, where, "config.")
 
 
 def version(data: Any, where: str) -> None:

@@ -10,9 +10,10 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from engines.errors import ConfigError
 from engines.input_files import open_regular
+from harness.trace.experiment import TraceExperiment, recorded_trace
 
 FILE = "trace.json"
-FORMAT_VERSION = 2
+FORMAT_VERSION = 3
 Count = Annotated[int, Field(ge=0, le=2**62)]
 Seconds = Annotated[float, Field(ge=0, le=1e10)]
 
@@ -84,13 +85,18 @@ class Entry(_Record):
 class TraceResults(_Record):
     """A whole file."""
 
-    raybench_trace_results: Literal[2] = FORMAT_VERSION
+    raybench_trace_results: Literal[3] = FORMAT_VERSION
     name: str
     time: str
     command: list[str] = []
     config: dict[str, Any]
     machine: dict[str, Any]
     entries: list[Entry]
+
+    @property
+    def experiment(self) -> TraceExperiment:
+        """What was compared. Raises `ConfigError` where `config` is no comparison by rays."""
+        return recorded_trace(self.config, "trace.json")
 
 
 def text_of(results: TraceResults) -> str:
@@ -111,7 +117,9 @@ def read_trace(path: Path) -> TraceResults:
     if version != FORMAT_VERSION:
         raise ConfigError(f"{path}: format {version}, this raybench reads {FORMAT_VERSION}: run raybench trace again")
     try:
-        return TraceResults.model_validate(data)
+        found = TraceResults.model_validate(data)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         raise ConfigError(f"{path}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from error
+    recorded_trace(found.config, str(path))
+    return found

@@ -10,7 +10,6 @@ from typing import Any
 from engines.film import Film
 from engines.interface import Renderer
 from engines.registry import engine as engine_of
-from harness.config.settings import engine_settings
 from harness.measure import clock
 from harness.measure.contention import Disturbance, judged
 from harness.measure.messages import End, Point, Prepared
@@ -19,6 +18,7 @@ from harness.measure.schedule import Schedule, checkpoints
 from harness.metrics import as_error
 from harness.plan.cells import WARM_UP_SEED, Cell
 from harness.run.recorder import CellRecord, Recorder
+from harness.settings import engine_settings
 from harness.statistics import crossing_seconds
 from harness.statistics.convergence import CLEAR_ERRORS
 from harness.store.results import curve_of, point_error
@@ -100,7 +100,7 @@ class Contestant:
         if self.renderer is None or not self.points:
             return
         counters = {k: v for k, v in clock.counters(self.renderer).items() if k not in ("build_seconds", "compile_seconds")}
-        machine = judged(self._disturbance.report(), self.cell.settings["threads"])
+        machine = judged(self._disturbance.report(), self.cell.settings.threads)
         self._record.follow([WorkerMessage(End(counters, machine))])
         event = self._recorder.measured_as(self._record, ())
         self._recorder.finish(self.cell, event.replaced(wall_seconds=perf_counter() - self._start))

@@ -7,7 +7,6 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from engines.choices import Choice
 from engines.errors import ConfigError
 from engines.film import Film
 from engines.interface import Renderer
@@ -15,11 +14,11 @@ from engines.registry import engine as engine_of
 from engines.scene import load_scene
 from engines.schema.yaml_file import locate
 from harness import config, store
-from harness.config.settings import engine_settings
 from harness.measure import clock
 from harness.plan import planner
 from harness.plan.cells import Cell, Plan
 from harness.run.sweep import Options, Sweep
+from harness.settings import CellSettings, engine_settings
 from harness.store import records
 from harness.store.results import brief_choice
 from harness.view import requests
@@ -72,7 +71,7 @@ class Replicates:
             natively=True,
         )
         for seed in seeds:
-            settings = engine_settings(request["settings"], seed, self._allow_imports)
+            settings = engine_settings(CellSettings.of(request["settings"]), seed, self._allow_imports)
             self._renderer = clock.prepare(engine_of(engine), scene, settings)[0]
             start = perf_counter()
             film = self._renderer.render(request["spp"]) if not self._stopped else None
@@ -155,9 +154,10 @@ def _index_of(cell: Cell, contestants: Sequence[requests.RenderSettings]) -> int
     """The index of the contestant in the request that a cell belongs to: the one with the most equal settings."""
 
     def equal_settings(given: requests.RenderSettings) -> int:
-        same = [cell.engine == given.engine, cell.settings["threads"] == requests.limited_threads(given.threads)]
-        same.append(given.precision in (None, cell.settings["precision"]))
-        same += [getattr(given, kind).items() <= cell.settings[kind].items() for kind in KINDS]
+        settings = cell.settings.describe()
+        same = [cell.engine == given.engine, settings["threads"] == requests.limited_threads(given.threads)]
+        same.append(given.precision in (None, settings["precision"]))
+        same += [getattr(given, kind).items() <= settings[kind].items() for kind in KINDS]
         return sum(same)
 
     return max(range(len(contestants)), key=lambda index: equal_settings(contestants[index]))
@@ -168,12 +168,12 @@ def _names(cells: Sequence[Cell]) -> list[str]:
 
     def setting_text(cell: Cell, key: str) -> str:
         others = [other for other in cells if key != "accelerator" or other.engine == cell.engine]
-        values = [other.settings[key] for other in others]
-        if all(value == cell.settings[key] for value in values):
+        own, values = getattr(cell.settings, key), [getattr(other.settings, key) for other in others]
+        if all(value == own for value in values):
             return ""
         if key in KINDS:
-            return brief_choice(Choice.of(cell.settings[key]), [Choice.of(value) for value in values])
-        return f"{cell.settings[key]}{' threads' if key == 'threads' else ''}"
+            return brief_choice(own, values)
+        return f"{own}{' threads' if key == 'threads' else ''}"
 
     keys = (*KINDS, "precision", "threads")
     return [" ".join(filter(None, [cell.engine_name, *(setting_text(cell, key) for key in keys)])) for cell in cells]

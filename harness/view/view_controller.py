@@ -14,14 +14,15 @@ from typing import Any
 
 import numpy as np
 
+from engines.choices import Choice
 from engines.errors import ConfigError, RaybenchError, Unsupported
 from engines.interface import Engine, Settings
 from engines.registry import engine as engine_of
 from engines.registry import names_a_program
 from engines.scene import CustomCamera, Orthographic, Scene, load_scene
-from harness.config.settings import engine_settings, require_imports
 from harness.measure import clock
 from harness.processes import one_line
+from harness.settings import CHOICES, plugin_or_choice, require_imports
 from harness.view import requests
 from harness.view.coalescing_queue import CoalescingQueue
 from harness.view.interactive_scene import InteractiveScene, camera_fields
@@ -151,16 +152,15 @@ class ViewController:
         require_imports(given.engine, self._allow_imports)
         if names_a_program(given.engine):
             raise ConfigError(f"{given.engine}: external renderers are not run from a page")
-        plain = {
-            "shader": given.shader,
-            "sampler": given.sampler,
-            "accelerator": given.accelerator,
+        chosen = {kind: getattr(given, kind) for kind in CHOICES}
+        same = {
             "precision": given.precision,
             "threads": requests.limited_threads(given.threads),
             "width": request.width,
             "height": request.height,
         }
-        settings = engine_settings(plain, request.seed, self._allow_imports)
+        plugins = {kind: plugin_or_choice(kind, Choice.of(each), self._allow_imports) for kind, each in chosen.items()}
+        settings = Settings(**plugins, **same, seed=request.seed)
         width, height = settings.size(scene)
         if width * height > requests.MAX_PIXELS:
             raise ConfigError(f"{width}x{height}: more than {requests.MAX_PIXELS} pixels: choose a smaller size")
@@ -168,7 +168,7 @@ class ViewController:
             "scene": request.scene,
             "scene_hash": scene.content_hash,
             "engine": given.engine,
-            "settings": plain,
+            "settings": {**chosen, **same},
             "seed": request.seed,
         }
 

@@ -13,7 +13,7 @@ import traceback
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol
 
-from engines.processes import Channel, Closed
+from engines.processes import Channel
 from harness.processes import one_line
 from harness.view.messages import error_message, packed
 
@@ -32,36 +32,15 @@ class Controller(Protocol):
     def run(self) -> None: ...
 
 
-class Server:
-    """The server's end of the channel. Where it has gone, the process that uses it ends."""
-
-    def __init__(self, channel: Channel) -> None:
-        self._channel = channel
-
-    def receive(self) -> dict[str, Any]:
-        """The next request."""
-        try:
-            return json.loads(self._channel.receive().data)
-        except Closed:
-            os._exit(0)
-
-    def send(self, message: bytes) -> None:
-        """Sends a message, from any thread."""
-        try:
-            self._channel.send(message)
-        except Closed:
-            os._exit(0)
-
-
 def main(descriptors: Sequence[int], arguments: Sequence[str]) -> None:
     """Serves the tab whose server is at the socket `descriptors[0]`."""
-    server = Server(Channel.at(descriptors[0]))
+    server = Channel.at(descriptors[0], exits=True)
     import harness.view.view_controller  # noqa: F401
     from harness.view.menu import engines_listed
 
     engines_listed()  # so that a reserve worker has done its imports
     server.send(packed({"type": "ready"}))
-    begin = server.receive()
+    begin = json.loads(server.receive().data)
     try:
         controller = controller_of(begin, server.send)
     except Exception as error:
@@ -75,12 +54,12 @@ def main(descriptors: Sequence[int], arguments: Sequence[str]) -> None:
     controller.run()
 
 
-def listen(server: Server, controller: Controller) -> None:
+def listen(server: Channel, controller: Controller) -> None:
     """Passes requests to the controller; an invalid one is answered with an error message."""
     from harness.view.requests import checked
 
     while True:
-        given = server.receive()
+        given = json.loads(server.receive().data)
         try:
             controller.receive(checked(given))
         except Exception as error:

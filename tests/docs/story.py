@@ -95,7 +95,7 @@ def read(block: Block, here: str) -> None:
     import engines
     from engines.peers.external.description import read as read_renderer
     from harness import config
-    from harness.config.trace import load_trace
+    from harness.trace.experiment import load_trace
 
     given = yaml.safe_load(block.body)
     base = {("scene",): SCENE, ("experiment",): EXPERIMENT}.get(block.words, {})

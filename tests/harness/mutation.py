@@ -140,9 +140,9 @@ def write_whole(folder: Path) -> Path:
     write_events(folder, kept)
     manifest = json.loads((folder / store.MANIFEST).read_text())
     ids = [event["cell_id"] for event in kept if event["event"] == "cell"]
-    combinations = [{"scene": {"name": name, "path": f"scenes/{name}.yaml"}} for name in ("cornell_box", "two_spheres")]
+    include = [{"scene": name, "engine": "numba"} for name in ("cornell_box", "two_spheres")]
     manifest |= {"name": "synthetic", "cell_ids": ids, "verify_job_ids": ["x0"]}
-    manifest["config"] |= {"combinations": combinations, "baseline": "numba"}
+    manifest["config"] |= {"include": include, "baseline": "numba"}
     (folder / store.MANIFEST).write_text(json.dumps(manifest))
     write_events(folder, [*kept, json.loads(line_of(archived_verdicts.archived(analyse(load_results(folder)))))])
     return folder

@@ -85,7 +85,7 @@ def write_reported(folder: Path) -> Path:
 
 def arranged(folder: Path, events: Iterable[Mapping[str, Any]], config: Mapping[str, Any] | None = None) -> Results:
     """The results of events that are plain data, and of a manifest that has no more than this of a config."""
-    manifest = Manifest(raybench_results=FORMAT_VERSION, config=dict(config or {}))
+    manifest = Manifest(raybench_results=FORMAT_VERSION, config={"raybench_experiment": 1, "include": [], **(config or {})})
     return results_of(folder, manifest, [validation.event(event, "an event") for event in events])
 
 
@@ -205,6 +205,7 @@ def manifest():
             "raybench_experiment": 1,
             "name": "synthetic",
             "resolution": [48, 36],
+            "include": [],
             "repeats": 5,
             "equivalence": {"image": 0.02, "tile": 0.5},
             "quality": {"metric": "relmse", "epsilon": 0.01, "targets": TARGETS},

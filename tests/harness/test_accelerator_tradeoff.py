@@ -6,6 +6,7 @@ import pytest
 from harness.analysis import analyse
 from harness.report.plots import Palette
 from harness.report.plots.accelerator_tradeoff import build_against_traverse
+from harness.report.plots.figures import figure
 from harness.report.tables import all_tables, cell_text
 from harness.store.results import results_of
 from tests.harness.synthetic import SMALL, arranged, done_cell
@@ -45,9 +46,9 @@ def test_each_is_judged_beside_the_quickest_build_and_breaks_even_when_it_should
 
 
 def test_the_plot_has_a_point_an_accelerator(analysis):
-    figure = build_against_traverse(analysis, Palette(analysis.results))
-    assert figure is not None
-    labels = figure.legends[0].get_texts()
+    chart = build_against_traverse(analysis, Palette(analysis.results))
+    assert chart is not None
+    labels = figure(chart).legends[0].get_texts()
     assert {text.get_text() for text in labels} == {f"numba {name}".replace("none", "brute force") for name in BUILD}
 
 

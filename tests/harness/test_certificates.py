@@ -225,8 +225,7 @@ def test_a_certificate_takes_as_many_pairs_of_images_as_time_allowed(tmp_path, m
     assert event.spp == 3 * wanted.certifier.spp and event.verdict in ("equivalent", "unresolved", "different")
 
 
-@pytest.mark.parametrize(
-    ("spp", "first"), [(256, {"name": "stratified", "strata": 256}), (128, "random"), (1, "random"), (4**8, "random")]
-)
+@pytest.mark.parametrize(("spp", "first"), [(256, "stratified(strata=256)"), (128, "random"), (1, "random"), (4**8, "random")])
 def test_a_certifier_without_the_reference_s_sampler_takes_whole_patterns(spp, first):
-    assert certifiers.samplers(spp)[0] == first and certifiers.samplers(spp)[-1] == "random"
+    found = [str(sampler) for sampler in certifiers.samplers(spp)]
+    assert found[0] == first and found[-1] == "random"

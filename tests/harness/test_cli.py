@@ -11,8 +11,10 @@ from types import SimpleNamespace
 import pytest
 from rich.console import Console
 
+from engines.choices import Choice
 from engines.image import read_film_layers, read_provenance
 from harness.run import progress
+from harness.settings import CellSettings
 from tests.harness import sweeping
 from tests.harness.sweeping import raybench
 from tests.needs import needs
@@ -59,8 +61,8 @@ def test_the_shell_completes_commands_and_the_names_of_scenes():
 
 @pytest.mark.parametrize("width", [80, 200])
 def test_progress_shows_counts_time_left_and_samples_whole_at_any_width(width):
-    out, settings = StringIO(), {"accelerator": {"name": "bvh"}, "shader": {"name": "path_tracer"}}
-    settings |= {"sampler": {"name": "sobol"}, "precision": "float32", "threads": 16}
+    chosen = {"shader": Choice("path_tracer"), "sampler": Choice("sobol"), "accelerator": Choice("bvh")}
+    out, settings = StringIO(), CellSettings(**chosen, precision="float32", threads=16, width=8, height=8)
     cell = SimpleNamespace(scene=SimpleNamespace(name="a_long_scene"), engine_name="numba", settings=settings, seed=1, label="")
     with progress.Terminal(Console(file=out, force_terminal=True, width=width, color_system=None)) as terminal:
         terminal.cell(cell, 12, 340, 4000.0)
@@ -83,7 +85,7 @@ def test_nothing_heavy_is_imported_for_help():
         (["run", "quikc"], "unknown experiment 'quikc': did you mean 'quick'?"),
         (["run", "no/such.yaml"], "experiment 'no/such.yaml': there is no such file"),
         (["run", "quick", "--set", "repeets=2"], "--set repeets: unknown key: did you mean 'repeats'?"),
-        (["run", "quick", "--retry", "all"], "--retry all: must be 'failed'"),
+        (["run", "quick", "--retry", "failed"], "Got unexpected extra argument"),
         (["run", "quick", "--frsh"], "--fresh"),
         (["run"], "Missing argument"),
         (["rum"], "run"),
@@ -245,7 +247,7 @@ def test_a_failed_cell_makes_exit_code_1_and_is_named(tmp_path):
     (out / "report.html").touch()
     os.utime(out / "report.html", (2**33, 2**33))  # a report younger than all results: none is written, which is slow
     said = ended(raybench("run", path, "--allow-imports", "--out", out, cwd=tmp_path), 1)
-    assert "3 done, 1 failed" in said and "ValueError: the tree fell over" in said and "--retry failed" in said
+    assert "3 done, 1 failed" in said and "ValueError: the tree fell over" in said and "--retry measures these again" in said
     assert "failed: ball broken seed 2: ValueError" in ended(raybench("status", out), 0)
 
 

@@ -226,7 +226,7 @@ def test_a_cell_whose_machine_is_gone_is_not_measured_again():
         stopped=False,
         listener=SimpleNamespace(note=print),
         plan=SimpleNamespace(experiment=SimpleNamespace(timing=True)),
-        latest={cell_id: {"worker": home} for cell_id, home in homes.items()},
+        latest={cell_id: SimpleNamespace(worker=home) for cell_id, home in homes.items()},
     )
     given = [SimpleNamespace(cell_id=cell_id, block=0) for cell_id in homes]
     blocks = Blocks(recorder, SimpleNamespace(present=lambda: machines), given, again=True)

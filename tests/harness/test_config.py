@@ -5,13 +5,17 @@ import re
 from pathlib import Path
 
 import pytest
+import yaml
 from jsonschema import Draft202012Validator
 
+from engines.choices import Choice
 from engines.errors import ConfigError
 from engines.schema.yaml_file import parse_yaml
 from harness import config
-from harness.config import experiment_schema, paths
-from harness.config.trace import is_trace
+from harness.config import experiment_schema, paths, read_file, settings
+from harness.config.experiment import KEYS
+from harness.config.settings import SETTINGS
+from harness.trace.experiment import TRACE
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 
@@ -34,7 +38,7 @@ extend: [{where: {engine: numba}, set: {precision: float32}}]
 budget: {max_time: 20s, max_spp: 1024, timeout: 5m}
 checkpoints: {ratio: 1.4142, start: 1}
 repeats: 5
-order: {policy: blocks, seed: 1}
+order: {seed: 1}
 reference: {engine: embree, spp: 8192, seed: 9000}
 quality: {metric: relmse, epsilon: 1e-2, targets: [1.0e-1, 1e-2, 0.001]}
 """
@@ -52,8 +56,8 @@ def named(experiment: config.Experiment, *keys: str) -> list[tuple]:
     """The combinations, as the names of some of their settings."""
     found = []
     for combination in experiment.combinations:
-        values = [combination[key] for key in keys]
-        found.append(tuple(getattr(v, "name", v["name"] if isinstance(v, dict) else v) for v in values))
+        values = [getattr(combination, key) for key in keys]
+        found.append(tuple(getattr(v, "name", v) for v in values))
     return found
 
 
@@ -61,14 +65,14 @@ def test_the_example_of_the_specification_is_read():
     experiment = parsed(FULL)
     assert experiment.name == "engines on two scenes"
     assert len(experiment.combinations) == 2 * 3 * 2 * 3 * 3 - 2 * 1 * 1 * 3 * 3 + 1
-    assert experiment.combinations[0]["budget"] == config.Budget(20.0, 1024, 300.0)
+    assert experiment.combinations[0].budget == config.Budget(max_time_seconds=20.0, max_spp=1024, timeout_seconds=300.0)
     assert experiment.checkpoints.ratio == 2**0.5, "1.4142 means the root of two"
     assert experiment.reference.replicates == (256, 32)
     assert experiment.quality.targets == (0.1, 0.01, 0.001)
     assert experiment.quality.name == "relmse_e0.01"
-    assert {c["precision"] for c in experiment.combinations if c["engine"] == "numba"} == {"float32"}
+    assert {c.precision for c in experiment.combinations if c.engine == "numba"} == {"float32"}
     assert experiment.warnings == ()
-    json.dumps(experiment.resolved)
+    json.dumps(experiment.normalised())
 
 
 def test_zip_advances_together_and_multiplies_the_matrix():
@@ -118,14 +122,14 @@ def test_an_included_cell_takes_what_it_leaves_out_from_the_first_values():
     text = HEAD + "matrix: {engine: [numpy], threads: [2, 1], sampler: [halton]}\nexclude: [{engine: numpy}]\n"
     text += "include: [{engine: embree, accelerator: {name: embree, quality: high}}]\n"
     (cell,) = parsed(text).combinations
-    assert (cell["threads"], cell["sampler"]["name"], cell["engine"]) == (2, "halton", "embree")
-    assert cell["accelerator"] == {"name": "embree", "quality": "high"}
+    assert (cell.threads, cell.sampler.name, cell.engine) == (2, "halton", "embree")
+    assert cell.accelerator == Choice("embree", {"quality": "high"})
 
 
 def test_budgets_are_merged_down_to_the_cell():
     text = HEAD + "matrix: {engine: [numpy, numba]}\nbudget: {max_time: 2s, max_spp: 64}\n"
     text += "extend: [{where: {engine: numpy}, set: {budget: {max_spp: 4}}}]\n"
-    numpy, numba = (combination["budget"] for combination in parsed(text).combinations)
+    numpy, numba = (combination.budget for combination in parsed(text).combinations)
     assert (numpy.max_spp, numpy.max_time_seconds, numba.max_spp) == (4, 2.0, 64)
 
 
@@ -143,13 +147,13 @@ def test_anchors_and_merges_work():
 )
 def test_durations_carry_their_unit(written, seconds):
     text = HEAD + f"engine: numba\nbudget: {{timeout: {written}}}\n"
-    assert parsed(text).combinations[0]["budget"].timeout_seconds == pytest.approx(seconds)
+    assert parsed(text).combinations[0].budget.timeout_seconds == pytest.approx(seconds)
 
 
 def test_overrides_reach_into_sections_and_are_checked_like_the_file():
     experiment = parsed(FULL, ("repeats=1", "budget.max_time=2s", "matrix.engine=[numba]", "quality.targets=auto"))
     assert experiment.repeats == 1 and experiment.quality.targets is None
-    assert experiment.combinations[0]["budget"].max_time_seconds == 2.0
+    assert experiment.combinations[0].budget.max_time_seconds == 2.0
     assert {engine for (engine,) in named(experiment, "engine")} == {"numba", "embree"}, "include stays"
 
 
@@ -185,7 +189,7 @@ MISTAKES = {
     "exclude: [{engine: {ge: 2}}]": "a.yaml:4 exclude[0].engine: bounds are for numbers",
     "exclude: [{threads: {ge: two}}]": "a.yaml:4 exclude[0].threads.ge = 'two': must be a number in",
     "extend: [{set: {threads: 2}}]": "a.yaml:4 extend[0]: both 'where' and 'set' are expected",
-    "order: {policy: abab}": "a.yaml:4 order.policy = 'abab': must be one of blocks",
+    "order: {policy: abab}": "a.yaml:4 order.policy: unknown key: known: seed",
     "checkpoints: {ratio: 1}": "a.yaml:4 checkpoints.ratio = 1: must be a number in [1.01, 1024]",
     "checkpoints: {ratio: .inf}": "a.yaml:4 checkpoints.ratio = inf: must be a number in [1.01, 1024]",
     "quality: {metric: rmse}": "a.yaml:4 quality.metric = 'rmse': must be one of relmse, mse, mape, smape",
@@ -211,6 +215,12 @@ def test_a_mistake_is_told_with_file_line_key_and_what_is_wanted(mistake):
     with pytest.raises(ConfigError) as caught:
         parsed(HEAD + f"engine: numba\n{mistake}\n")
     assert str(caught.value).startswith(MISTAKES[mistake])
+
+
+def test_the_former_order_policy_is_a_warning_and_else_nothing():
+    experiment = parsed(f"{HEAD}engine: numba\norder: {{policy: blocks, seed: 5}}\n")
+    assert experiment == parsed(f"{HEAD}engine: numba\norder: {{seed: 5}}\n")
+    assert experiment.warnings == ("a.yaml:4 order.policy is no longer needed: cells always run in blocks",)
 
 
 @pytest.mark.parametrize(
@@ -257,6 +267,69 @@ def test_a_matrix_that_explodes_is_refused_before_it_is_built():
         parsed(HEAD + f"matrix: {{engine: [numba], threads: {many}}}\nzip: [{{precision: {['float32'] * 500}}}]\n")
 
 
+# --- the normalised file --------------------------------------------------------------------------------------------
+
+OTHER = """\
+raybench_experiment: 1
+name: 2024
+question: Which?
+matrix:
+  scene: [cornell_box, {file: scenes/lantern.xml, parameters: {reflectance: 0.5}}]
+  engine: [numba, 'mine:Engine', configs/renderers/raybench.yaml, {name: mitsuba, python: this}]
+shader: 'mine:shader'
+sampler: {name: multijitter, sample_count: 16}
+accelerator: {name: embree, quality: high}
+resolution: 64x48
+division: open
+budget: {max_time: 0.1ms, timeout: 1.5 h}
+limits: {memory: 1.5 GiB}
+timing: false
+aa_twin: true
+pairs: [{contestant: {engine: numba, threads: 1}, baseline: {sampler: multijitter}}]
+reference: {engine: numba, certify: null, shader: whitted}
+quality: {metric: psnr, targets: [20, 30.5]}
+equivalence: {tile: 0.1}
+verify: {cases: [stability], timeout: 90s}
+"""
+
+
+@pytest.mark.parametrize("text", [FULL, OTHER, HEAD + "engine: numba\n"], ids=["full", "other", "least"])
+def test_the_normalised_experiment_is_a_valid_file_of_the_same_experiment(text, validator, monkeypatch):
+    """From YAML, or as a manifest's config, it is the same again; elsewhere nothing that it names is sought."""
+    monkeypatch.chdir(ROOT)
+    experiment = parsed(text)
+    said = experiment.normalised()
+    assert said == json.loads(json.dumps(said)) and list(validator.iter_errors(said)) == []
+    assert parsed(yaml.safe_dump(said)) == experiment and parsed(yaml.safe_dump(said)).normalised() == said
+    monkeypatch.setattr(paths, "find", None)
+    monkeypatch.setattr(settings, "known_names", list)
+    monkeypatch.setattr(settings, "interpreter", None)
+    assert config.recorded(said, "manifest.json").normalised() == said
+
+
+def test_every_key_of_a_file_is_in_the_normalised_one():
+    """But for those that make the combinations, which stand in `include`."""
+    made = {"matrix", "zip", "exclude", "extend"}
+    said, cell = parsed(OTHER).normalised(), parsed(FULL).normalised()["include"][-1]
+    assert set(said) | {"baseline"} == set(KEYS.keys) - made - set(SETTINGS)
+    assert set(cell) | {"precision"} == set(SETTINGS)
+
+
+@pytest.mark.parametrize(
+    ("said", "message"),
+    [
+        ({"quality": {"epsilon": 3e9}}, "manifest.json config.quality.epsilon = 3000000000.0: must be a number in (0, 1e+06]"),
+        ({"repeets": 1}, "manifest.json config.repeets: unknown key: did you mean 'repeats'?"),
+        ({"include": [{"engine": 3}]}, "manifest.json config.include[0].engine = 3: a name is expected"),
+        ({"combinations": []}, "manifest.json config.combinations: unknown key"),
+    ],
+)
+def test_a_config_in_a_manifest_is_refused_with_its_place(said, message):
+    with pytest.raises(ConfigError) as caught:
+        config.recorded({"raybench_experiment": 1, "include": [], **said}, "manifest.json")
+    assert str(caught.value).startswith(message)
+
+
 @pytest.fixture(scope="module")
 def validator():
     schema = json.loads(json.dumps(experiment_schema()))
@@ -299,10 +372,12 @@ def test_the_schema_explains_every_key_and_its_defaults_are_those_of_an_empty_fi
     del defaults["verify"]  # without the section nothing is verified
     lines = [f"{key}: {json.dumps(value)}\n" for key, value in defaults.items()]
     written = parsed(f"{HEAD}engine: numba\n{''.join(lines)}")
-    assert (written.resolved, written.combinations) == (empty.resolved, empty.combinations)
+    assert written == empty
 
 
-@pytest.mark.parametrize("name", sorted(name for name, path in paths.shipped("configs").items() if not is_trace(path)))
+@pytest.mark.parametrize(
+    "name", sorted(name for name, path in paths.shipped("configs").items() if not read_file(path).says(TRACE))
+)
 def test_the_schema_accepts_every_shipped_experiment(validator, name):
     assert list(validator.iter_errors(plain(paths.shipped("configs")[name].read_text()))) == []
 

@@ -6,8 +6,8 @@ import pytest
 
 from harness.analysis import analyse
 from harness.analysis.equivalence import Replicates, describe, engine_pairs, rests_on
+from harness.config import recorded
 from harness.report.tables.equivalence import equivalence as equivalence_table
-from harness.store.records import Config, Margins
 from harness.store.results import load_results
 from tests.harness.synthetic import BIASED, write_folder
 
@@ -50,7 +50,8 @@ def test_the_table_has_a_row_a_pair_with_bounds(analysis):
 def test_the_margins_are_those_of_the_config(analysis):
     from dataclasses import replace
 
-    results = replace(analysis.results, config=Config(equivalence=Margins(image=0.2, tile=0.9)))
+    config = {"raybench_experiment": 1, "include": [], "equivalence": {"image": 0.2, "tile": 0.9}}
+    results = replace(analysis.results, config=recorded(config, ""))
     pairs = engine_pairs(results, Replicates(results), {})
     assert {pair.verdict for pair in pairs} == {"equivalent"}
 

@@ -7,16 +7,22 @@ from dataclasses import replace
 from types import MappingProxyType
 
 import pytest
+import yaml
 
+from engines.choices import Choice
 from engines.errors import ConfigError, RaybenchError
 from engines.interface import FullPattern
 from engines.peers.external import Engine as Program
 from engines.peers.mitsuba import Engine as MitsubaEngine
+from engines.schema.yaml_file import parse_yaml
 from harness import config
+from harness.config import read_file
 from harness.config.paths import shipped
-from harness.config.trace import is_trace
 from harness.hashing import canonical_json, digest
-from harness.plan import planner, state
+from harness.plan import answers, planner, state
+from harness.store import records
+from harness.store.records import Point
+from harness.trace.experiment import TRACE
 from tests import needs
 from tests.harness import fake_engines, sweeping
 
@@ -126,7 +132,7 @@ def test_every_scene_has_a_twin_of_its_baseline_s_first_configuration(tmp_path):
     )
     (tmp_path / "two.yaml").write_text(sweeping.SCENE.replace("radius: 1", "radius: 2"))
     made = planned(tmp_path, text.replace("repeats: 2", "repeats: 3"))
-    twins = [(c.scene.name, c.engine_name, c.settings["sampler"]["name"]) for c in made.cells if c.label == planner.AA_LABEL]
+    twins = [(c.scene.name, c.engine_name, c.settings.sampler.name) for c in made.cells if c.label == planner.AA_LABEL]
     assert sorted(twins) == sorted(3 * [("ball", "other", "sobol"), ("two", "steady", "sobol")])
     assert not any(cell.label for cell in planned(tmp_path, text, ["repeats=3", "timing=false"]).cells)
     assert not any(cell.label for cell in planned(tmp_path, text, ["repeats=3", "aa_twin=false"]).cells)
@@ -182,7 +188,7 @@ def test_an_accelerator_of_one_engine_is_skipped_by_another(tmp_path):
 
 def test_precision_is_float64_unless_asked_for_or_there_is_only_float32(tmp_path):
     text = sweeping.EXPERIMENT.replace("fake_engines:Other", "fake_engines:Single")
-    assert {(c.engine_name, c.settings["precision"]) for c in planned(tmp_path, text).cells} == {
+    assert {(c.engine_name, c.settings.precision) for c in planned(tmp_path, text).cells} == {
         ("steady", "float64"),
         ("single", "float32"),
     }
@@ -199,15 +205,15 @@ class Unsure(fake_engines.Steady):
 def test_a_cell_says_whether_its_sampler_is_smooth_and_its_engine_reproducible(tmp_path):
     """`random` alone of raybench's own; plugins and engines say so for theirs; a program's samplers are not known."""
     text = sweeping.EXPERIMENT.replace("matrix: {", "matrix: {sampler: [random, sobol, stratified, halton], ")
-    smooth = {cell.settings["sampler"]["name"]: cell.smooth_sampler for cell in planned(tmp_path, text).cells}
+    smooth = {cell.settings.sampler.name: cell.smooth_sampler for cell in planned(tmp_path, text).cells}
     assert smooth == {"random": True, "sobol": False, "stratified": False, "halton": False}
     mitsuba = ("random", "independent"), ("stratified", "multijitter", "orthogonal", "ldsampler")
-    found = [[planner._is_smooth(MitsubaEngine(), {"name": name}, False) for name in names] for names in mitsuba]
+    found = [[answers.is_smooth(MitsubaEngine(), Choice(name), False) for name in names] for names in mitsuba]
     assert found == [[True] * 2, [False] * 4]
-    assert not planner._is_smooth(Program("configs/renderers/raybench.yaml"), {"name": "random"}, False)
+    assert not answers.is_smooth(Program("configs/renderers/raybench.yaml"), Choice("random"), False)
     assert all(cell.reproducible for cell in planned(tmp_path).cells)
-    assert not planner._is_reproducible(Program("configs/renderers/raybench.yaml"))
-    assert planner._is_reproducible(MitsubaEngine()) and not planner._is_reproducible(Unsure())
+    assert not answers.is_reproducible(Program("configs/renderers/raybench.yaml"))
+    assert answers.is_reproducible(MitsubaEngine()) and not answers.is_reproducible(Unsure())
 
 
 def test_a_sampler_s_plugin_says_whether_it_is_smooth(tmp_path, monkeypatch):
@@ -215,7 +221,7 @@ def test_a_sampler_s_plugin_says_whether_it_is_smooth(tmp_path, monkeypatch):
         "from engines.plugin import Sampler\nplain = Sampler('plain', smooth=True)\nnet = Sampler('net')\n"
     )
     monkeypatch.syspath_prepend(str(tmp_path))
-    found = [planner._is_smooth(fake_engines.Steady(), {"name": f"own_samplers:{name}"}, True) for name in ("plain", "net")]
+    found = [answers.is_smooth(fake_engines.Steady(), Choice(f"own_samplers:{name}"), True) for name in ("plain", "net")]
     assert found == [True, False]
 
 
@@ -227,7 +233,7 @@ def test_a_reference_takes_the_samplers_that_cells_take(sampler, tmp_path, monke
     made = planned(tmp_path, overrides=[f"reference.sampler={sampler}", f"sampler={sampler}"])
     (wanted,) = made.references.values()
     assert {cell.skip for cell in made.cells} == {None}
-    assert wanted.spec["sampler"] == wanted.settings["sampler"] == made.cells[0].settings["sampler"]
+    assert wanted.spec["sampler"] == wanted.settings.sampler.describe() == made.cells[0].settings.sampler.describe()
     name = wanted.spec["sampler"]["name"]
     assert name in sampler and (name in wanted.spec["code"]) == (":" in name), "a plugin's code is part of what is asked"
 
@@ -267,14 +273,22 @@ def test_code_named_in_a_file_is_not_imported_unless_allowed(tmp_path):
         planner.make(config.load(sweeping.write(tmp_path)), allow_imports=False)
 
 
+def measured(cell, **fields):
+    """The record of a cell that was measured to its end."""
+    said = ("cell_id", "configuration", "block", "seed", "scene_hash", "reference_id")
+    own = {key: getattr(cell, key) for key in said} | cell.settings.fields()
+    return records.Cell(**own, env_id="e", state="done", scene=cell.scene.name, engine=cell.engine_name, **fields)
+
+
 def test_an_event_answers_its_cell_only_with_today_s_reference_and_metric(tmp_path):
     cell = planned(tmp_path).cells[0]
-    event = {"state": "done", "reference_id": cell.reference_id, "points": [{"metrics": {"relmse_e0.01": 1.0}}]}
+    point = Point(spp=1, seconds=0.1, metrics={"relmse_e0.01": 1.0}, image=None)
+    event = measured(cell, points=(point,))
     assert state.state_of(cell, None, "mse") == "queued"
     assert state.state_of(cell, event, "relmse_e0.01") == "done"
     assert state.state_of(cell, event, "relmse_e0.1") == "outdated"
-    assert state.state_of(cell, {**event, "reference_id": "old"}, "relmse_e0.01") == "outdated"
-    assert state.state_of(cell, {**event, "state": "timeout", "points": []}, "mse") == "timeout"
+    assert state.state_of(cell, event.replaced(reference_id="old"), "relmse_e0.01") == "outdated"
+    assert state.state_of(cell, event.replaced(state="timeout", points=()), "mse") == "timeout"
     assert state.state_of(replace(cell, skip="no"), event, "mse") == "skipped"
 
 
@@ -282,7 +296,7 @@ def test_expected_times_come_from_the_same_configuration_else_from_the_budget(tm
     first, *rest = planned(tmp_path).cells
     twin = next(cell for cell in rest if cell.configuration == first.configuration)
     other = next(cell for cell in rest if cell.configuration != first.configuration)
-    events = {first.cell_id: {"state": "done", "configuration": first.configuration, "wall_seconds": 0.7}}
+    events = {first.cell_id: measured(first, wall_seconds=0.7)}
     expected = state.expected_seconds([twin, other], events)
     assert expected[twin.cell_id] == (0.7, True)
     assert expected[other.cell_id] == (pytest.approx(5.0 + state.OVERHEAD_SECONDS, rel=1e-3), False), "96 pixels are scored"
@@ -294,7 +308,7 @@ def test_the_preimage_of_an_id_is_plain_data_and_complete(tmp_path):
         assert {"scene", "engine", "engine_version", "shader", "seed", "width", "schema"} <= set(cell.spec)
 
 
-@pytest.mark.parametrize("name", sorted(name for name, path in shipped("configs").items() if not is_trace(path)))
+@pytest.mark.parametrize("name", sorted(name for name, path in shipped("configs").items() if not read_file(path).says(TRACE)))
 def test_every_shipped_experiment_can_be_planned_and_says_its_question(name, monkeypatch, tmp_path):
     (tmp_path / "other").symlink_to(sys.prefix)
     monkeypatch.setenv("RAYBENCH_OTHER", str(tmp_path / "other"))
@@ -303,6 +317,10 @@ def test_every_shipped_experiment_can_be_planned_and_says_its_question(name, mon
     assert experiment.name == name and experiment.question and text.startswith(f"# {experiment.question}")
     assert experiment.warnings == ()
     made = planner.make(experiment, allow_commands=True)
+    again = config.parse(parse_yaml(yaml.safe_dump(experiment.normalised()), "again.yaml", ConfigError), tmp_path)
+    assert again == experiment, "what a manifest holds is a valid file"
+    same = planner.make(again, allow_commands=True)
+    assert (same.cells, same.references.keys()) == (made.cells, made.references.keys())
     unsaid = [warning for warning in made.warnings if "dropped, as the expected image" not in warning]  # of XML scenes
     refused = {cell.skip for cell in made.cells if cell.skip}
     expected = ("bpy is not installed", "pyluxcore is not installed", needs.lacking("mitsuba-llvm") or "bpy is not installed")

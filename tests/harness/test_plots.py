@@ -4,7 +4,6 @@ import dataclasses
 import json
 import math
 import shutil
-from contextlib import contextmanager
 from xml.etree import ElementTree
 
 import matplotlib
@@ -13,13 +12,14 @@ import pytest
 
 from engines.errors import ConfigError
 from harness.analysis import analyse
-from harness.report.plots import Palette, draw, write_plots
+from harness.report.plots import Palette, write_plots
+from harness.report.plots.catalogue import _of_a_panel
 from harness.report.plots.curves import band, error_curves, pareto, target_ecdf
-from harness.report.plots.drawing import _panel_sketches
+from harness.report.plots.figures import STYLE, figure, log_scales, new_figure, save
 from harness.report.plots.panels import facets, panels
-from harness.report.plots.parallel import Beside
+from harness.report.plots.parallel import Beside, draw
 from harness.report.plots.scaling import cost_over_pixels, cost_over_primitives
-from harness.report.plots.style import ENGINE_COLOURS, OTHER_COLOURS, STYLE, file_stem, formats, log_scales, new_figure, save
+from harness.report.plots.style import ENGINE_COLOURS, FORMATS, OTHER_COLOURS, file_stem, formats
 from harness.store.results import load_results
 from tests.harness.synthetic import SMALL, arranged, base_cell, done_cell
 
@@ -34,13 +34,6 @@ def analysis(reported, tmp_path_factory):
     """From manifest, events, images and references alone."""
     derived = shutil.ignore_patterns("plots", "tables", "*.csv", "report.html")
     return analyse(load_results(shutil.copytree(reported, tmp_path_factory.mktemp("bare") / "copy", ignore=derived)))
-
-
-@contextmanager
-def all_formats():
-    with pytest.MonkeyPatch.context() as environment:
-        environment.delenv("RAYBENCH_PLOTS")
-        yield
 
 
 @pytest.fixture(scope="module")
@@ -67,29 +60,26 @@ def test_plots_are_the_same_at_every_run_and_older_ones_are_removed(plots, folde
     assert ours == theirs
 
 
-def test_a_plot_comes_as_svg_png_and_pdf_the_same_whoever_draws_it(plots, analysis, tmp_path):
+def test_a_plot_comes_as_svg_png_and_pdf_the_same_whoever_draws_it(plots, tmp_path):
+    chosen = plots[1::8]
     again, no_folder = tmp_path / "again", tmp_path / "a file"
     again.mkdir()
     no_folder.touch()
-    with all_formats():
-        alone = draw(analysis, tmp_path, 1, 8)
-        with Beside(analysis, no_folder, 1, 8) as failing:
-            failing._share = (analysis, again, 1, 8)
-            assert failing.drawn() == alone, "a second process that fails is replaced"
-    assert {plot.name: plot for plot in plots}.items() >= {plot.name: plot for plot in alone.values()}.items()
-    expected = {f"{plot.name}.{suffix}" for plot in alone.values() for suffix in ("svg", "png", "pdf")}
+    draw(chosen, tmp_path, FORMATS)
+    with Beside(chosen, no_folder, FORMATS) as failing:
+        failing._share = (chosen, again, FORMATS)
+        failing.finish()  # a second process that fails is replaced
+    expected = {f"{plot.name}.{suffix}" for plot in chosen for suffix in ("svg", "png", "pdf")}
     assert {path.name for path in again.iterdir()} == expected
     for name in expected:
         content = (again / name).read_bytes()
         assert len(content) > 1000 and content == (tmp_path / name).read_bytes()
 
 
-@pytest.mark.parametrize(
-    ("asked", "written"), [("none", ["svg"]), ("svg", ["svg"]), ("pdf", ["pdf", "svg"]), ("png, svg", ["png", "svg"])]
-)
+@pytest.mark.parametrize(("asked", "written"), [("none", []), ("svg", ["svg"]), ("pdf", ["pdf"]), ("png, svg", ["png", "svg"])])
 def test_formats_that_nobody_wants_are_not_written(monkeypatch, tmp_path, asked, written):
     monkeypatch.setenv("RAYBENCH_PLOTS", asked)
-    save(new_figure(), tmp_path, "empty")
+    save(new_figure(), tmp_path, "empty", formats())
     assert sorted(path.suffix[1:] for path in tmp_path.iterdir()) == written
 
 
@@ -99,10 +89,11 @@ def test_a_format_that_is_none_is_named(monkeypatch):
         formats()
 
 
-def test_none_removes_older_plots_and_draws_none(analysis, tmp_path):
+def test_none_removes_older_files_and_writes_none_but_the_report_has_every_plot(analysis, plots, tmp_path):
     (tmp_path / "plots").mkdir()
     (tmp_path / "plots" / "old.svg").touch()
-    assert write_plots(analysis, tmp_path) == [] and list((tmp_path / "plots").iterdir()) == []
+    assert [plot.name for plot in write_plots(analysis, tmp_path)] == [plot.name for plot in plots]
+    assert list((tmp_path / "plots").iterdir()) == []
 
 
 def test_every_plot_says_what_it_shows(plots):
@@ -146,11 +137,11 @@ def test_many_curves_are_split_into_facets_that_hold_each_once(analysis):
 def test_a_legend_of_looks_fits_its_figure(analysis, draws):
     panel = panels(analysis)[0]
     with matplotlib.rc_context(STYLE):
-        figure = draws(analysis, dataclasses.replace(panel, verdicts=panel.verdicts * 2), Palette(analysis.results))
-        figure.draw_without_rendering()
-        (legend,) = figure.legends
+        drawn = figure(draws(analysis, dataclasses.replace(panel, verdicts=panel.verdicts * 2), Palette(analysis.results)))
+        drawn.draw_without_rendering()
+        (legend,) = drawn.legends
         box = legend.get_window_extent()
-    assert box.x0 >= 0 and box.x1 <= figure.bbox.width
+    assert box.x0 >= 0 and box.x1 <= drawn.bbox.width
 
 
 def test_a_caption_speaks_of_slopes_only_where_the_legend_has_them(analysis):
@@ -158,10 +149,9 @@ def test_a_caption_speaks_of_slopes_only_where_the_legend_has_them(analysis):
     none = [dataclasses.replace(v, slope=v.slope._replace(value=math.nan)) for v in panel.verdicts]
     for verdicts, expected in ((panel.verdicts[:5], True), (panel.verdicts * 2, False), (none[:5], False)):
         shown = dataclasses.replace(panel, verdicts=verdicts)
-        captions = {sketch.name: sketch.description for sketch in _panel_sketches(analysis, shown, palette)}
+        captions = {name: description for name, _, description, _ in _of_a_panel(analysis, shown, palette)}
         said = ["slopes" in captions[f"error-over-{x}-{panel.stem}"] for x in ("samples", "time", "rays")]
-        figure = error_curves(analysis, shown, palette, "spp")
-        legends = [*figure.legends, *(legend for axis in figure.axes if (legend := axis.get_legend()))]
+        legends = figure(error_curves(analysis, shown, palette, "spp")).legends
         numbers = [text.get_text() for legend in legends for text in legend.get_texts() if "(-0." in text.get_text()]
         assert said == [expected, False, False] and bool(numbers) == expected
 
@@ -198,9 +188,9 @@ def test_a_scene_on_which_a_contestant_was_not_measured_counts_as_not_reached(tm
         for block in range(3)
     ]
     found = analyse(dataclasses.replace(arranged(tmp_path, cells), targets=[1e9]))
-    figure = target_ecdf(found, Palette(found.results))
-    assert figure is not None
-    assert {line.get_label(): line.get_ydata()[-1] for line in figure.axes[0].lines} == {"numba": 1.0, "embree": 0.5}
+    chart = target_ecdf(found, Palette(found.results))
+    assert chart is not None
+    assert {curve.name: curve.y[-1] for curve in chart.subplots[0].content} == {"numba": 1.0, "embree": 0.5}
 
 
 def test_growth_is_drawn_over_three_sizes_with_its_exponent(tmp_path):
@@ -215,9 +205,9 @@ def test_growth_is_drawn_over_three_sizes_with_its_exponent(tmp_path):
             more = {"scene": f"ball{count}", "primitives": count, "cell_id": f"{count}-{block}"}
             cells.append(cell | more)
     analysis = analyse(arranged(tmp_path, cells))
-    figure = cost_over_primitives(analysis, Palette(analysis.results))
-    assert figure is not None and cost_over_pixels(analysis, Palette(analysis.results)) is None
-    assert figure.axes[0].get_legend_handles_labels()[1] == ["numba (0.50)"]
+    chart = cost_over_primitives(analysis, Palette(analysis.results))
+    assert chart is not None and cost_over_pixels(analysis, Palette(analysis.results)) is None
+    assert [text.get_text() for text in figure(chart).legends[0].get_texts()] == ["numba (0.50)"]
     assert cost_over_primitives(analyse(arranged(tmp_path, cells[:6])), Palette(analysis.results)) is None
 
 

@@ -11,9 +11,8 @@ from engines.choices import Choice
 from engines.errors import ConfigError, RaybenchError, UnknownName
 from engines.imports import imported
 from harness import config, store
-from harness.config.settings import completed, engine_settings, plugin_or_choice
 from harness.plan import planner
-from harness.plan.cells import words
+from harness.settings import CellSettings, completed, engine_settings, plugin_or_choice
 from tests.harness import sweeping
 
 CODE = '''
@@ -111,7 +110,7 @@ def planned(folder, matrix, more=""):
 def test_options_of_plugins_in_a_config_are_part_of_a_cells_identity_and_name(folder):
     values = [f'{{name: "mine:guided", strength: {value}}}' for value in (0.2, 0.5)]
     plan = planned(folder, f'shader: ["mine:guided", {", ".join(values)}]', "engine: numpy")
-    named = {words(cell.settings["shader"]).partition("(")[2] for cell in plan.cells}
+    named = {str(cell.settings.shader).partition("(")[2] for cell in plan.cells}
     assert named == {"strength=0.5)", "strength=0.2)"}
     assert len({cell.cell_id for cell in plan.cells}) == 2, "a default that is written is the default"
     assert not any(cell.skip for cell in plan.cells)
@@ -144,14 +143,14 @@ def test_options_reach_shader_and_sampler(folder, value, grey):
         "height": None,
     }
     scene = engines.load_scene(place / "empty.yaml")
-    film = engines.engine("numpy").prepare(scene, engine_settings(plain, 1, True)).render(1)
+    film = engines.engine("numpy").prepare(scene, engine_settings(CellSettings.of(plain), 1, True)).render(1)
     assert np.allclose(film.mean(), grey)
 
 
 def test_options_reach_an_accelerator(folder):
     place, name = folder
     sys.path.insert(0, str(place))
-    given = {"name": f"{name}:Grid", "cells": 7}
+    given = Choice(f"{name}:Grid", {"cells": 7})
     settings = engines.Settings(accelerator=plugin_or_choice("accelerator", given, True))
     scene = engines.load_scene(place / "empty.yaml")
     assert engines.engine(f"{name}:Engine").prepare(scene, settings).render(1).mean().max() == 7
@@ -182,13 +181,13 @@ def test_options_that_a_plugin_lacks_are_refused_with_those_that_it_has(folder, 
     sys.path.insert(0, str(place))
     given = {**given, "name": given["name"].replace("mine", name)}
     with pytest.raises(error) as refused:
-        plugin_or_choice("shader", given, True)
+        plugin_or_choice("shader", Choice.of(given), True)
     assert message in str(refused.value).replace(name, "mine")
 
 
 def test_code_is_not_imported_without_leave(folder):
     with pytest.raises(ConfigError, match="run with --allow-imports if you trust it"):
-        completed("shader", {"name": f"{folder[1]}:guided", "strength": 1}, False)
+        completed("shader", Choice(f"{folder[1]}:guided", {"strength": 1}), False)
 
 
 def test_render_takes_options_of_a_plugin_of_the_working_directory(folder, monkeypatch):

@@ -110,8 +110,9 @@ def test_what_differs_from_all_others_in_several_factors_is_compared_with_the_ra
 def test_two_samplers_of_one_engine_are_compared_with_the_one_that_is_written_first(tmp_path):
     made = contestant(0.01, sampler="halton"), contestant(0.02, sampler="sobol"), twins()
     for first, second in (("halton", "sobol"), ("sobol", "halton")):
-        written = [{"engine": "numba", "sampler": {"name": name}, "precision": None} for name in (first, second, "random")]
-        found = verdicts(results(tmp_path, *made, config={"combinations": written}))
+        same = {"scene": "cornell_box", "engine": "numba"}
+        written = [{**same, "sampler": {"name": name}} for name in (first, second, "random")]
+        found = verdicts(results(tmp_path, *made, config={"include": written}))
         other, root = found.loc[f"numba {second}"], found.loc[f"numba {first}"]
         assert (other.baseline, other.factor) == (f"numba {first}", "sampler") and other.verdict in ("faster", "slower")
         assert other.ratio == pytest.approx(2.0 if first == "sobol" else 0.5, rel=0.05)
@@ -133,8 +134,8 @@ def test_an_accelerator_that_both_engines_have_is_a_factor_of_its_own(tmp_path):
 
 
 @pytest.mark.parametrize("pairs", [3, [3], [{}], [{"contestant": {}, "baseline": 2}], [{"contestant": {"engine": "numba"}}]])
-def test_what_a_config_cannot_say_of_pairs_is_refused_in_a_line(tmp_path, pairs):
-    with pytest.raises(ConfigError, match=r"manifest\.json: config\.pairs\b"):
+def test_pairs_that_are_none_are_refused_with_their_place(tmp_path, pairs):
+    with pytest.raises(ConfigError, match=r"^manifest.json config\.pairs"):
         results(tmp_path, twins(), config={"pairs": pairs})
 
 
@@ -223,10 +224,10 @@ def test_the_first_lines_say_how_many_timings_were_contended(tmp_path, contended
 def test_below_three_blocks_each_is_drawn_as_a_dot(tmp_path, blocks, dots):
     """Warm and cold, for two contestants; from three blocks on a dot is a mean, and has a whisker."""
     analysis = analyse(results(tmp_path, contestant(0.2, engine="numpy", blocks=blocks), twins(blocks=blocks)))
-    figure = quality_bars(analysis, panels(analysis)[0], Palette(analysis.results))
-    drawn = [line for line in figure.axes[0].get_lines() if line.get_marker() == "o" and len(line.get_xdata())]
-    assert [len(line.get_xdata()) for line in drawn] == [dots] * 4
-    whiskers = [line for line in figure.axes[0].get_lines() if line.get_linewidth() == 1.2]
+    chart = quality_bars(analysis, panels(analysis)[0], Palette(analysis.results))
+    drawn = [series for series in chart.subplots[0].content if series.look.marker == "o"]
+    assert [series.y.tolist().count(row) for series in drawn for row in dict.fromkeys(series.y)] == [dots] * 4
+    whiskers = [low for series in drawn for low, _ in series.x_interval if math.isfinite(low)]
     assert len(whiskers) == (4 if dots == 1 else 0)
 
 

@@ -67,7 +67,7 @@ def test_a_reference_that_is_there_is_not_rendered_again(made, tmp_path):
     wanted, first, rendered = made(64)
     assert rendered == list(range(8)) and references.ready(wanted, tmp_path / "refs")
     _, second, rendered = made(64)
-    assert rendered == [] and second["sha256"] == first["sha256"]
+    assert rendered == [] and second.sha256 == first.sha256
 
 
 def test_more_samples_extend_and_equal_those_made_at_once(made, tmp_path):

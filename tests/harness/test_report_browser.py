@@ -1,5 +1,7 @@
 """The report in a headless Chromium with the network off: no error, and the viewer and tables do what they say."""
 
+import re
+
 import pytest
 
 READY = "document.getElementById('viewer-canvas').dataset.ready"
@@ -55,7 +57,7 @@ def test_engines_are_compared_once_in_numbers(page):
 
 
 def test_of_each_scene_one_plot_is_seen_and_every_other_can_be_chosen(page):
-    heights = "Array.from(document.querySelectorAll('.plot svg'), s => s.getBoundingClientRect().height)"
+    heights = "Array.from(document.querySelectorAll('.chart[data-plot]'), s => s.getBoundingClientRect().height)"
     sets = page.evaluate("document.querySelectorAll('.tabs').length")
     assert sum(height > 100 for height in page.evaluate(heights)) == sets == 3
     labels = page.evaluate("Array.from(document.querySelectorAll('.tabs > label'), l => l.htmlFor)")
@@ -183,3 +185,58 @@ def test_controls_have_names(page):
         .filter(e => !(e.textContent.trim() || e.getAttribute('aria-label') || e.labels?.length))
         .map(e => e.outerHTML)""")
     assert unnamed == []
+
+
+PLOT = "document.querySelector('[data-plot=\"error-over-time-cornell_box\"]')"
+
+
+@pytest.fixture
+def plot(page):
+    page.evaluate(f"{PLOT}.scrollIntoView({{block: 'center'}})")
+    page.wait_for(f"{PLOT}.dataset.drawn")
+    return page
+
+
+def test_a_mark_tells_contestant_samples_error_and_seconds(plot):
+    point = plot.page.locator("[data-plot='error-over-time-cornell_box'] .scatterlayer .point").nth(2)
+    box = point.bounding_box()
+    plot.point(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    told = "document.querySelector('[data-plot=\"error-over-time-cornell_box\"] .hoverlayer').textContent"
+    plot.wait_for(f"{told}.length > 0")
+    found = re.fullmatch(r"(\w+) .*?samples: (\d+)error: (\S+) \(\S+ to \S+\)seconds: (\S+)", plot.evaluate(told))
+    assert found, plot.evaluate(told)
+    engine, samples, error, seconds = found.groups()
+    assert engine in ("numpy", "numba", "embree") and int(samples) > 1 and float(error) > 0 and float(seconds) > 0
+
+
+def test_a_plot_is_zoomed_by_dragging_and_by_keys_and_shown_whole_again(plot):
+    ends = f"{PLOT}.layout.xaxis.range.join()"
+    whole = plot.evaluate(ends)
+    area = "[data-plot='error-over-time-cornell_box'] .nsewdrag"
+    plot.drag(plot.spot(0.3, 0.3, area), plot.spot(0.6, 0.7, area))
+    plot.wait_for(f"{ends} !== '{whole}'")
+    x, y = plot.spot(0.5, 0.5, area)
+    plot.page.mouse.dblclick(x, y)
+    plot.wait_for(f"{ends} === '{whole}'")
+    plot.evaluate(f"{PLOT}.focus()")
+    for key in ("+", "ArrowLeft"):
+        before = plot.evaluate(ends)
+        plot.press(key)
+        plot.wait_for(f"{ends} !== '{before}'")
+    plot.press("0")
+    plot.wait_for(f"{ends} === '{whole}'")
+
+
+def test_every_plot_is_drawn_without_a_complaint(page):
+    page.problems.clear()
+    for label in page.evaluate("Array.from(document.querySelectorAll('.tabs > label'), l => l.htmlFor)"):
+        page.evaluate(f"document.querySelector('label[for=\"{label}\"]').click()")
+        page.wait_for(f"document.querySelector('[data-plot=\"{label.removeprefix('choose-')}\"]').dataset.drawn")
+    assert page.problems == []
+
+
+def test_texts_of_plots_have_the_colour_of_the_theme(plot, report):
+    colour = f"getComputedStyle({PLOT}.querySelector('.xtick text')).fill"
+    light = plot.evaluate(colour)
+    plot.evaluate("document.getElementById('theme').click()")
+    assert plot.evaluate(colour) == plot.evaluate("getComputedStyle(document.body).color") != light

@@ -330,7 +330,7 @@ def test_what_an_engine_tells_never_makes_a_folder_unreadable(tmp_path, monkeypa
     told = recorder.CellRecord._point
 
     def _point(self, answer, film, reference):
-        told(self, {**answer, "seconds": -1.0} if self.cell.engine_name == "other" else answer, film, reference)
+        told(self, answer._replace(seconds=-1.0) if self.cell.engine_name == "other" else answer, film, reference)
 
     monkeypatch.setattr(recorder.CellRecord, "_point", _point)
     outcome, _ = sweeping.run(sweeping.write(tmp_path), tmp_path / "out")

@@ -4,15 +4,18 @@ import shutil
 
 import numpy as np
 import pytest
+import yaml
 
 from engines.errors import ConfigError
 from engines.image import read_film_layers, read_provenance
 from harness import config, store
 from harness.analysis import targets
 from harness.plan import planner
+from harness.store import validation
 from harness.store.records import Targets
 from harness.store.results import load_results
 from tests.harness import sweeping
+from tests.harness.synthetic import SMALL, base_cell
 
 ENGINES = "['fake_engines:Steady', 'fake_engines:Other']"
 
@@ -107,6 +110,17 @@ def test_the_second_run_does_nothing(finished):
     outcome, listener = sweeping.run(path, out)
     assert outcome.measured == 0 and listener.cells == []
     assert (out / store.EVENTS).read_bytes() == before
+
+
+def test_the_config_of_a_manifest_is_a_file_that_runs_again(finished, tmp_path):
+    """Beside the same code and with the same results it finds all measured."""
+    _, out, _, _ = finished
+    again = tmp_path / "again.yaml"
+    again.write_text(yaml.safe_dump(store.read_manifest(out).config))
+    shutil.copytree(out, tmp_path / "out")
+    outcome, listener = sweeping.run(again, tmp_path / "out")
+    assert outcome.measured == 0 and listener.cells == [] and outcome.states
+    assert store.read_manifest(tmp_path / "out").cell_ids == store.read_manifest(out).cell_ids
 
 
 def test_manifest_and_run_event_tell_what_ran_where(finished):
@@ -236,7 +250,9 @@ def test_automatic_targets_are_resolved_once(tmp_path):
 
 def test_automatic_targets_are_round_falling_and_reachable():
     def cell(scene, error, state="done"):
-        return {"state": state, "scene_hash": scene, "points": [{"metrics": {"mse": error}}]}
+        made = base_cell((scene, "numba", "bvh", "random", 1, None), 0, SMALL)
+        point = {"spp": 1, "seconds": 1.0, "metrics": {"mse": error}, "image": None}
+        return validation.event({**made, "state": state, "points": [point]}, "a cell")
 
     cells = [cell("a", e) for e in (0.02, 0.025, 0.2)] + [cell("b", 1e-4), cell("b", 9.0, "failed")]
     assert targets.automatic_targets(cells, "mse") == [1.0, 0.3, 0.1, 0.03]

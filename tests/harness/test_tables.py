@@ -117,7 +117,7 @@ def test_a_quality_that_rises_is_reached_from_below(folder, analysis):
 
 def test_the_config_may_name_the_baseline(folder):
     results = load_results(folder)
-    results = replace(results, config=results.config.replaced(baseline="embree"))
+    results = replace(results, config=replace(results.config, baseline="embree"))
     assert baseline_engine_of(results) == "embree"
 
 

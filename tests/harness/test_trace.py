@@ -11,9 +11,9 @@ from engines.errors import ConfigError
 from engines.scene import load_scene
 from engines.schema.yaml_file import parse_yaml
 from harness.analysis.tracing import trace_table
-from harness.config import paths
-from harness.config.trace import is_trace, load_trace, trace_of, trace_schema
+from harness.config import paths, read_file
 from harness.run.trace import run
+from harness.trace.experiment import TRACE, load_trace, trace_of, trace_schema
 from harness.trace.rays import hard_rays, make_rays
 from harness.trace.records import read_trace
 from harness.trace.truth import Truth
@@ -162,7 +162,7 @@ def test_a_file_is_refused_where_it_is_wrong(tmp_path):
             load_trace(path)
         assert message in str(caught.value)
     (tmp_path / "trace.json").write_text('{"raybench_trace_results": 9}')
-    with pytest.raises(ConfigError, match="format 9, this raybench reads 2"):
+    with pytest.raises(ConfigError, match="format 9, this raybench reads 3"):
         read_trace(tmp_path / "trace.json")
 
 
@@ -177,7 +177,7 @@ def test_run_takes_a_file_of_a_comparison_by_rays(tmp_path):
 
 
 def test_the_shipped_file_says_its_question_and_the_schema_takes_it():
-    names = [name for name, path in paths.shipped("configs").items() if is_trace(path)]
+    names = [name for name, path in paths.shipped("configs").items() if read_file(path).says(TRACE)]
     assert names == ["trace"]
     experiment = load_trace("trace")
     text = paths.shipped("configs")["trace"].read_text()

@@ -7,7 +7,7 @@ from harness import config, store
 from harness.analysis import analyse
 from harness.plan import planner
 from harness.report.html.assembly import report_html
-from harness.report.plots import draw_stability
+from harness.report.plots import stability, write_files
 from harness.report.tables import all_tables
 from harness.store.results import load_results
 from tests.harness import sweeping
@@ -56,7 +56,8 @@ def test_a_second_run_asks_nothing_again_and_another_case_alone(finished):
 
 def test_the_report_draws_them_and_has_their_table(finished, tmp_path, with_plots):
     analysis = analyse(load_results(finished[1]))
-    plots = draw_stability(analysis.results.check_results, tmp_path)
+    plots = stability.plots(analysis.results.check_results)
+    write_files(plots, tmp_path)
     assert [plot.name for plot in plots] == ["stability-of-t", "self-hits-and-leaks"]
     assert {path.name for path in tmp_path.iterdir()} == {"stability-of-t.svg", "self-hits-and-leaks.svg"}
     page = report_html(analysis, all_tables(analysis), plots)

@@ -79,7 +79,7 @@ def test_two_builds_of_one_version_are_called_by_their_folders(two, tmp_path):
 
 def test_a_filter_finds_an_engine_by_its_name_alone(two, tmp_path):
     path = experiment(tmp_path, two / "old", text=f"extend: [{{where: {{engine: '{ENGINE}'}}, set: {{threads: 3}}}}]\n")
-    assert {cell.settings["threads"] for cell in planned(path).cells} == {3}
+    assert {cell.settings.threads for cell in planned(path).cells} == {3}
 
 
 def test_the_command_of_a_cell_names_the_environment(two, tmp_path, monkeypatch):

@@ -46,7 +46,7 @@ def test_a_plan_says_what_auto_takes_and_why(tmp_path):
         "budget: {max_time: 1s, max_spp: 8, timeout: 1m}\nquality: {targets: [0.1]}\n"
     )
     cells = planner.make(config.load(str(file))).cells
-    said = {(cell.engine_name, cell.settings["accelerator"]["name"]): cell.auto_accelerator for cell in cells if not cell.skip}
+    said = {(cell.engine_name, cell.settings.accelerator.name): cell.auto_accelerator for cell in cells if not cell.skip}
     assert said["numba", "auto"].startswith("none (36 triangles; predicted ns per ray: none ")
     assert said["numba", "none"] == "" and said["embree", "auto"] == ""
     assert all("auto_accelerator" not in cell.spec for cell in cells)

@@ -67,7 +67,9 @@ def test_an_engine_that_renders_nothing_says_why():
 
 
 def test_a_config_plans_the_suite_for_an_engine_without_sobol():
-    planned = verify_jobs.planned(VerifyConfig(("T1",), True, 60.0), {"narrow": Narrow(), "no": Unwilling()})
+    planned = verify_jobs.planned(
+        VerifyConfig(cases=("T1",), quick=True, timeout_seconds=60.0), {"narrow": Narrow(), "no": Unwilling()}
+    )
     assert {(each.spec["engine"], each.spec["precision"]) for each in planned} == {("narrow", "float64")}
 
 

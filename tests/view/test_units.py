@@ -257,5 +257,5 @@ def test_values_of_a_mitsuba_files_parameters_reach_races(tmp_path):
     )
     file = Library(tmp_path).find("lantern")
     experiment = config.parse(locate(_experiment(request, file, {"width": "16"}), "race", ConfigError), tmp_path, "race", "")
-    scenes = {combination["scene"].parameters for combination in experiment.combinations}
+    scenes = {combination.scene.parameters for combination in experiment.combinations}
     assert scenes == {(("width", "16"),)}

@@ -8,7 +8,7 @@ from importlib import metadata, util
 from typing import Any
 
 from engines.choices import SAMPLERS, SHADERS, Choice, Option
-from engines.errors import Unsupported
+from engines.errors import Unsupported, why_unsupported
 from engines.interface import Settings
 from engines.peers.adapters.image_renderer import ImageRenderer
 from engines.peers.adapters.lacks import environments_lack, point_lights_lack
@@ -90,25 +90,21 @@ class AdapterEngine:
 
     def why_not(self, scene: Scene, settings: Settings) -> str | None:
         """See `engines.interface.Engine`: the first thing that is not listed, then what `lacks` says, then what to install."""
-        return self._reason(scene, self.resolved(settings))
+        return why_unsupported(self._supported, scene, settings)
 
     def prepare(self, scene: Scene, settings: Settings) -> ImageRenderer:
         """A `renderer` of the resolved settings; see `engines.interface.Engine`."""
-        chosen = self.resolved(settings)
-        reason = self._reason(scene, chosen)
+        return self.renderer(self, scene, self._supported(scene, settings))
+
+    def _supported(self, scene: Scene, settings: Settings) -> Settings:
+        """The resolved settings; raises `Unsupported` for the first thing that is lacking, what has to be installed last."""
+        shaders, samplers = {**SHADERS, **self.own_shaders}, {**SAMPLERS, **self.own_samplers}
+        chosen = settings.resolved(self.accelerators(), self.precision, shaders, samplers)
+        found = (*self._settings_lack(chosen), refusal_of(scene), *self._scene_lacks(scene))
+        reason = next(filter(None, found), None) or self.lacks(scene, chosen) or self._missing()
         if reason is not None:
             raise Unsupported(reason)
-        return self.renderer(self, scene, chosen)
-
-    def resolved(self, settings: Settings) -> Settings:
-        """The settings with every choice and the precision filled in. Raises `UnknownName` and `ConfigError`."""
-        shaders, samplers = {**SHADERS, **self.own_shaders}, {**SAMPLERS, **self.own_samplers}
-        return settings.resolved(self.accelerators(), self.precision, shaders, samplers)
-
-    def _reason(self, scene: Scene, chosen: Settings) -> str | None:
-        """Why not, by the first thing that is lacking; what has to be installed comes last."""
-        found = (*self._settings_lack(chosen), refusal_of(scene), *self._scene_lacks(scene))
-        return next(filter(None, found), None) or self.lacks(scene, chosen) or self._missing()
+        return chosen
 
     def _missing(self) -> str | None:
         if not self.module or self.module in sys.modules or util.find_spec(self.module) is not None:

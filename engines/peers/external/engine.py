@@ -81,19 +81,19 @@ class Engine:
 
     def _supported(self, scene: Scene, settings: Settings) -> Settings:
         description = self._description
-        resolved = settings.resolved(self.accelerators(), description.precision)
+        chosen = settings.resolved(self.accelerators(), description.precision)
         if refusal := refusal_of(scene):
             raise Unsupported(refusal)
         program(description)
-        self._require("shader", resolved.shader, description.shaders, SHADERS)
-        self._require("sampler", resolved.sampler, description.samplers, SAMPLERS)
-        if resolved.precision != description.precision:
+        self._require("shader", chosen.shader, description.shaders, SHADERS)
+        self._require("sampler", chosen.sampler, description.samplers, SAMPLERS)
+        if chosen.precision != description.precision:
             raise Unsupported(f"{description.name} computes in {description.precision}")
         if description.threads not in (None, settings.threads):
             raise Unsupported(f"{description.name} always takes {description.threads} threads")
         with TemporaryFolder() as folder:
-            FORMATS[description.scene_format](scene, resolved, Path(folder))
-        return resolved
+            FORMATS[description.scene_format](scene, chosen, Path(folder))
+        return chosen
 
     def _require(
         self, kind: str, asked: Choice, known: Mapping[str, Choice], table: Mapping[str, Mapping[str, Option]]

@@ -97,8 +97,7 @@ class Engine:
 
     def _supported(self, scene: Scene, settings: Settings) -> Settings:
         """The settings with every choice resolved; raises `Unsupported` for what is lacking."""
-        shaders, samplers = {**SHADERS, **OWN_SHADERS}, {**KNOWN_SAMPLERS, **SAMPLERS}
-        chosen = settings.resolved(ACCELERATORS, "float32", shaders, samplers)
+        chosen = settings.resolved(ACCELERATORS, "float32", {**SHADERS, **OWN_SHADERS}, {**KNOWN_SAMPLERS, **SAMPLERS})
         reason = self._settings_lack(chosen) or self._scene_lacks(scene, chosen.shader) or library.lacking(self.variant)
         if reason is None and chosen.shader.name == "mitsuba":
             reason = self._integrator_lacks(chosen.shader.options)

@@ -11,9 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, cast
-
-import matplotlib
 
 from engines.errors import ConfigError
 from harness.analysis import Analysis, analyse
@@ -21,7 +18,8 @@ from harness.report.chapter import dahlquist, experiment
 from harness.report.chapter.document import Chapter, Section, html, latex, markdown
 from harness.report.chapter.facts import Facts
 from harness.report.chapter.template import filled
-from harness.report.plots.style import FORMATS, STYLE
+from harness.report.plots.figures import style
+from harness.report.plots.style import FORMATS
 from harness.store.atomic import write_text
 from harness.store.results import load_results
 
@@ -47,7 +45,7 @@ def write_chapter(folders: Sequence[Path], target: Path, compose: Compose | None
     plots.mkdir(parents=True, exist_ok=True)
     for old in [path for suffix in FORMATS for path in plots.glob(f"*.{suffix}")]:
         old.unlink()
-    with matplotlib.rc_context(cast(Any, STYLE)):
+    with style():
         sections = [_section(analysis, plots) for analysis in analyses]
     chapter = compose(analyses, sections) if compose else Chapter(TITLE, sections)
     texts = {"chapter.md": markdown(chapter), "chapter.tex": latex(chapter), "chapter.html": html(chapter)}

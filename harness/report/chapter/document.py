@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from html import escape
 
-from harness.report.plots import Plot
+from harness.report.plots import Picture
 from harness.report.tables import Table, cell_text
 from harness.report.tables.model import latex_escape, latex_text, markdown_text
 
@@ -39,7 +39,7 @@ class TablePart:
 class FigurePart:
     """A plot already saved as `plots/<name>.{svg,png,pdf}` beside the chapter."""
 
-    plot: Plot
+    plot: Picture
 
 
 Part = Paragraph | Listing | TablePart | FigurePart
@@ -132,9 +132,9 @@ def _latex_part(part: Part) -> str:
 
 
 _STYLE = """
-:root { color-scheme: light dark; --ink: #222; --faint: #777; --grid: #ccc; --paper: #fff; --brightness: 1; }
+:root { color-scheme: light dark; --ink: #222; --faint: #777; --grid: #ccc; --paper: #fff; }
 @media screen and (prefers-color-scheme: dark) {
-  :root { --ink: #e6e6e6; --faint: #9a9a9a; --grid: #444; --paper: #16181b; --brightness: 1.35; }
+  :root { --ink: #e6e6e6; --faint: #9a9a9a; --grid: #444; --paper: #16181b; }
 }
 body { font: 16px/1.55 Georgia, 'Times New Roman', serif; max-width: 70rem; margin: 2rem auto; padding: 0 1.2rem;
        color: var(--ink); background: var(--paper); }
@@ -147,14 +147,14 @@ td, th { padding: .2rem .4rem; text-align: right; white-space: nowrap; }
 td.text, th.text { text-align: left; white-space: normal; }
 tbody tr:last-child td { border-bottom: 2px solid; }
 figure { margin: 1.2rem 0; }
-figure svg { width: 100%; min-width: 34rem; height: auto; filter: brightness(var(--brightness)); }
+figure img { width: 100%; min-width: 34rem; height: auto; background: #fff; }
 figcaption { font: 13px/1.4 system-ui, sans-serif; max-width: 60rem; margin: .4rem 0; }
 """
 
 
 def html(chapter: Chapter) -> str:
     """One page with the figures inside it."""
-    body = "\n".join(_html_section(section, 2, f"s{i}") for i, section in enumerate(chapter.sections))
+    body = "\n".join(_html_section(section, 2) for section in chapter.sections)
     return (
         f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         f'<meta name="viewport" content="width=device-width, initial-scale=1"><title>{escape(chapter.title)}</title>'
@@ -162,22 +162,23 @@ def html(chapter: Chapter) -> str:
     )
 
 
-def _html_section(section: Section, level: int, key: str) -> str:
-    parts = [_html_part(part, f"{key}-{i}") for i, part in enumerate(section.parts)]
-    below = [_html_section(s, min(level + 1, 6), f"{key}-s{i}") for i, s in enumerate(section.sections)]
+def _html_section(section: Section, level: int) -> str:
+    parts = [_html_part(part) for part in section.parts]
+    below = [_html_section(inner, min(level + 1, 6)) for inner in section.sections]
     return "\n".join([f"<h{level}>{escape(section.title)}</h{level}>", *parts, *below])
 
 
-def _html_part(part: Part, key: str) -> str:
+def _html_part(part: Part) -> str:
     if isinstance(part, Paragraph):
         return f"<p>{escape(' '.join(part.sentences))}</p>"
     if isinstance(part, Listing):
         return "<ul>" + "".join(f"<li>{escape(item)}</li>" for item in part.items) + "</ul>"
     if isinstance(part, TablePart):
         return _html_table(part.table)
-    from harness.report.html.assembly import inline_svg
+    from harness.report.html.assembly import svg_address
 
-    drawing = inline_svg(part.plot, key)
+    alt = escape(f"{part.plot.title}. {part.plot.description}")
+    drawing = f'<img src="{svg_address(part.plot.svg)}" alt="{alt}">'
     return f'<figure><div class="wide">{drawing}</div><figcaption>{escape(part.plot.title)}</figcaption></figure>'
 
 

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from harness.analysis import Analysis, seconds_per_sample
+from harness.analysis.comparisons import comparisons
 from harness.analysis.races import race_of
 from harness.report.tables import Column
 from harness.statistics import Bound, Estimate, Race, Ratio, geometric_interval
@@ -42,8 +43,12 @@ HEADINGS = {
     "precision": Column("precision", "Numbers it computes with."),
 }
 """Columns in which families differ."""
-AXES = ("accelerator", "threads", "shader", "sampler")
-"""What may vary within a family. A value of `accelerator` is an engine with its accelerator."""
+AXES: Mapping[str, Sequence[str]] = {
+    "accelerator": ("engine", "accelerator", "precision"),
+    **{axis: (axis,) for axis in ("threads", "shader", "sampler")},
+}
+"""What may vary within a family, with the settings in which it then may differ: a value of `accelerator` is an engine with its
+accelerator."""
 
 
 @dataclass(frozen=True)
@@ -71,14 +76,13 @@ def families(analysis: Analysis, axis: str) -> list[Family]:
 
     `axis` is one of `AXES`.
     """
-    found: dict[tuple[tuple[str, str], ...], Family] = {}
-    for named, contestant in words(analysis):
-        held = {key: named[key] for key in HEADINGS if key != axis}
-        if axis == "accelerator":
-            del held["precision"]
-        family = found.setdefault(tuple(held.items()), Family(held, {}))
-        found[tuple(held.items())] = Family(held, {**family.members, named[axis]: contestant})
-    return [family for family in found.values() if len(family.members) > 1]
+    named = {id(contestant): each for each, contestant in words(analysis)}
+    left_out = {axis, *(("precision",) if axis == "accelerator" else ())}
+    found = []
+    for group in comparisons([contestant for _, contestant in words(analysis)], *AXES[axis]):
+        held = {key: word for key, word in named[id(group[0])].items() if key not in left_out}
+        found.append(Family(held, {named[id(contestant)][axis]: contestant for contestant in group}))
+    return [family for family in found if len(family.members) > 1]
 
 
 def words(analysis: Analysis) -> list[tuple[dict[str, str], Contestant]]:

@@ -15,20 +15,10 @@ from harness.report.chapter import measures
 from harness.report.chapter.document import FigurePart
 from harness.report.chapter.families import Family, compare, demanding, estimate, thousands, values
 from harness.report.chapter.words import plural
+from harness.report.plots.chart import FAINT, INK, LINES, MARKERS, Picture
 from harness.report.plots.curves import error_label
-from harness.report.plots.style import (
-    ENGINE_COLOURS,
-    FAINT,
-    FORMATS,
-    INK,
-    LINES,
-    MARKERS,
-    OTHER_COLOURS,
-    Plot,
-    log_scales,
-    new_figure,
-    save,
-)
+from harness.report.plots.figures import log_scales, new_figure, save
+from harness.report.plots.style import ENGINE_COLOURS, FORMATS, OTHER_COLOURS
 from harness.report.tables import Table
 from harness.statistics import Estimate
 from harness.store.results import Contestant
@@ -45,16 +35,16 @@ def colours(names: Sequence[str]) -> list[str]:
     return found
 
 
-def part(drawn: Plot | None) -> list[FigurePart]:
+def part(drawn: Picture | None) -> list[FigurePart]:
     """A figure as parts of a section: none where there is nothing to draw."""
     return [] if drawn is None else [FigurePart(drawn)]
 
 
-def finished(figure: Figure, plots: Path, name: str, title: str, description: str) -> Plot:
+def finished(figure: Figure, plots: Path, name: str, title: str, description: str) -> Picture:
     """Saves a figure in all formats: the chapter's texts show png, pdf and svg. A name that is taken gets a number."""
     taken = sum(path.stem == name or path.stem.rpartition("-")[0] == name for path in plots.glob(f"{name}*.svg"))
     name = f"{name}-{taken + 1}" if taken else name
-    return Plot(name, title, description, save(figure, plots, name, FORMATS))
+    return Picture(name, title, description, save(figure, plots, name, FORMATS))
 
 
 def _points(axis: Axes, placed: Sequence[tuple[float, Estimate]], index: int, colour: str, label: str) -> None:
@@ -72,7 +62,7 @@ def _points(axis: Axes, placed: Sequence[tuple[float, Estimate]], index: int, co
     )
 
 
-def tails(table: Table, plots: Path) -> Plot:
+def tails(table: Table, plots: Path) -> Picture:
     """relMSE with and without the worst pixels: a row of the table a row."""
     figure = new_figure(7.2, 1.3 + 0.3 * len(table.rows))
     axis = figure.subplots()
@@ -93,7 +83,7 @@ def tails(table: Table, plots: Path) -> Plot:
     )
 
 
-def speeds(found: Sequence[Family], plots: Path) -> Plot | None:
+def speeds(found: Sequence[Family], plots: Path) -> Picture | None:
     """Paths per second of each member; one row per scene."""
     if not found:
         return None
@@ -119,7 +109,7 @@ def speeds(found: Sequence[Family], plots: Path) -> Plot | None:
     )
 
 
-def frame_times(named: Sequence[tuple[str, Contestant]], plots: Path) -> Plot | None:
+def frame_times(named: Sequence[tuple[str, Contestant]], plots: Path) -> Picture | None:
     """Milliseconds per frame of contestants with the names of their rows; one marker per number of threads."""
     if not named:
         return None
@@ -149,7 +139,7 @@ def frame_times(named: Sequence[tuple[str, Contestant]], plots: Path) -> Plot | 
     )
 
 
-def thread_gains(analysis: Analysis, found: Sequence[Family], names: Sequence[str], plots: Path) -> Plot | None:
+def thread_gains(analysis: Analysis, found: Sequence[Family], names: Sequence[str], plots: Path) -> Picture | None:
     """Speed-up over the fewest threads with its interval: a row an accelerator and scene, with the shader of most rays."""
     shown = sorted(demanding(found, ("scene", "accelerator")), key=lambda family: family.held["accelerator"])
     figure = new_figure(7.2, 1.3 + 0.24 * len(shown))
@@ -175,7 +165,7 @@ def thread_gains(analysis: Analysis, found: Sequence[Family], names: Sequence[st
     )
 
 
-def sampler_errors(analysis: Analysis, found: Sequence[Family], plots: Path) -> Plot | None:
+def sampler_errors(analysis: Analysis, found: Sequence[Family], plots: Path) -> Picture | None:
     """Error over samples, a panel a scene: the shader with most rays."""
     chosen = demanding(found)
     if not chosen:

@@ -21,8 +21,8 @@ from harness.analysis.equivalence import last_pictured
 from harness.report.chapter import figures
 from harness.report.chapter.document import Paragraph, Part, Section, TablePart
 from harness.report.chapter.words import listed
-from harness.report.plots import Plot
-from harness.report.plots.style import new_figure
+from harness.report.plots import Picture
+from harness.report.plots.figures import new_figure
 from harness.report.tables import Column, Table
 from harness.store.results import Contestant, Results
 
@@ -141,7 +141,7 @@ def _table(truth: Truth, found: Sequence[Difference]) -> Table:
     return table
 
 
-def _drawn(truth: Truth, found: Sequence[Difference], plots: Path) -> Plot | None:
+def _drawn(truth: Truth, found: Sequence[Difference], plots: Path) -> Picture | None:
     """The port's frame, the image that differs most, and by how much."""
     other = found[-1]
     if other.levels.max(initial=0) <= SAME:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import base64
+import functools
 import json
 import re
+import zlib
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
@@ -20,10 +23,12 @@ from harness.metrics import error_words, metric_title
 from harness.report.html.glossary import TERMS, anchor
 from harness.report.html.overview import JudgedReference, engine_key, matrix
 from harness.report.html.pictures import picture_groups
-from harness.report.plots import Plot
-from harness.report.plots.drawing import OF_A_PANEL
+from harness.report.plots import Picture, Plot
+from harness.report.plots.catalogue import OF_A_PANEL
+from harness.report.plots.chart import Chart
+from harness.report.plots.interactive import plotly
 from harness.report.plots.panels import Panel, panels
-from harness.report.plots.style import FAINT, GRID, INK, file_stem
+from harness.report.plots.style import file_stem, formats
 from harness.report.tables import Column, Table, cell_text, sort_value
 from harness.report.tables.evidence import evidence
 from harness.report.tables.model import estimate_text
@@ -32,11 +37,11 @@ from harness.store.records import Cell
 from harness.store.results import Contestant, Results, fixed_seconds, point_error
 from harness.trace.records import TraceResults
 
-Drawing = tuple[Plot, str]
-"""A plot and its SVG for the page."""
 MOST_BYTES = 9_500_000
 """The report stays under 10 MB; pictures get what the rest leaves, at least a tenth of it and at most 6 MB."""
-SCRIPTS = ("table.js", "decode.js", "colours.js", "viewer.js")
+SCRIPTS = ("table.js", "decode.js", "plots.js", "colours.js", "viewer.js")
+LIBRARY = "plotly-basic.min.js"
+"""The file `plotly-basic.min.js` of the package plotly.js-basic-dist-min of npm, as it is there."""
 VERDICT_CLASSES = {
     "faster": "good",
     "equivalent": "good",
@@ -57,11 +62,13 @@ VERDICT_CLASSES = {
 }
 
 
-def report_html(analysis: Analysis, tables: list[Table], plots: list[Plot]) -> str:
-    """The whole report as one document."""
-    drawings = [(plot, inline_svg(plot, index)) for index, plot in enumerate(plots)]
+def report_html(
+    analysis: Analysis, tables: Sequence[Table], plots: Sequence[Plot | Picture], problems: Sequence[str] = ()
+) -> str:
+    """The whole report as one document. `problems` say what is not in it."""
     cells = cell_table(analysis)
-    left = MOST_BYTES - sum(len(svg) for _, svg in drawings) - 400 * len(cells.rows)
+    sets, code = plot_sets(analysis, plots), library() if plots else ""
+    left = MOST_BYTES - len(code) - sum(len(figure) for _, figures in sets for _, _, figure in figures) - 400 * len(cells.rows)
     groups = picture_groups(analysis, min(max(left, MOST_BYTES / 10), 6e6))
     results, found = analysis.results, calibration.calibrate(analysis, calibration.OF_REPORTS)
     references = _references(results)
@@ -77,7 +84,10 @@ def report_html(analysis: Analysis, tables: list[Table], plots: list[Plot]) -> s
             verdicts=headlines(analysis),
             tables={table.name: table for table in tables},
             pair_verdicts=_pair_verdicts(analysis),
-            plot_sets=plot_sets(analysis, drawings),
+            plot_sets=sets,
+            library=code,
+            problems=problems,
+            plot_files=bool(formats()),
             groups=groups,
             payload=_script_json(pictures),
             cells=cells,
@@ -99,34 +109,40 @@ def report_html(analysis: Analysis, tables: list[Table], plots: list[Plot]) -> s
     )
 
 
-def plot_sets(analysis: Analysis, drawings: Sequence[Drawing]) -> list[tuple[str, list[tuple[str, Drawing]]]]:
-    """(title, [(label, plot)]) of each panel, and of the plots of all scenes: of a set the page shows one plot at a time."""
-    left = {drawing[0].name: drawing for drawing in drawings}
+def plot_sets(analysis: Analysis, plots: Sequence[Plot | Picture]) -> list[tuple[str, list[tuple[str, str, Markup]]]]:
+    """(title, [(label, name, figure)]) of each panel, and of the plots of all scenes: of a set the page shows one plot at a
+    time."""
+    left = {plot.name: plot for plot in plots}
     found = []
     for panel in panels(analysis):
         names = {file_stem(start, panel.title): label for start, label in OF_A_PANEL.items()}
         found.append((panel.title, [(label, left.pop(name)) for name, label in names.items() if name in left]))
-    found.append(("All scenes", [(drawing[0].title, drawing) for drawing in left.values()]))
-    return [(title, plots) for title, plots in found if plots]
+    found.append(("All scenes", [(plot.title, plot) for plot in left.values()]))
+    return [(title, [(label, plot.name, plot_figure(plot)) for label, plot in own]) for title, own in found if own]
+
+
+def plot_figure(plot: Plot | Picture) -> Markup:
+    """A plot as an element of a page: what plots.js draws, or an image."""
+    return Markup(_environment().get_template("plot.html.j2").render(plot=plot, suffixes=formats()))
 
 
 def trace_html(results: TraceResults, table: Table, plots: Sequence[Plot]) -> str:
     """The report of a comparison by rays as one document."""
-    question = str(results.config.get("question") or "")
     return (
         _environment()
         .get_template("trace.html.j2")
         .render(
             title=results.name,
-            question=question,
+            question=results.experiment.question or "",
             table=table,
-            plots=[(plot, inline_svg(plot, index)) for index, plot in enumerate(plots)],
+            plots=[plot_figure(plot) for plot in plots],
+            library=library(),
             machine=machine_words("", results.machine),
             time=results.time,
             command=" ".join(results.command),
             config=json.dumps(results.config, indent=2),
             style=Markup(_asset("report.css")),
-            scripts=Markup(_asset("table.js")),
+            scripts=Markup("\n".join(_asset(name) for name in ("table.js", "decode.js", "plots.js"))),
         )
     )
 
@@ -221,61 +237,22 @@ def _cell_row(analysis: Analysis, contestant: Contestant, cell: Cell) -> dict[st
     return row
 
 
-def inline_svg(plot: Plot, index: int | str) -> str:
-    """A plot's SVG for the page: own ids, two decimals, colours that follow dark mode, a name for screen readers."""
-    svg = plot.svg[plot.svg.index("<svg") :]
-    svg = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", svg, flags=re.S)
-    svg = _without_bare_groups(FONTS.sub(r"font-family: \1, sans-serif", re.sub(r"\s*\n\s*", " ", svg)))
-    used = set(re.findall(r'(?:xlink:href="#|url\(#)([^")]*)', svg))
-    svg = re.sub(r' id="([^"]*)"', lambda mark: mark.group(0) if mark.group(1) in used else "", svg)
-    svg = re.sub(r"<[^>]*>", lambda tag: re.sub(r"(\d\.\d{2})\d+", r"\1", tag.group(0)), svg)
-    svg = re.sub(r'\bid="', f'id="p{index}-', svg)
-    svg = re.sub(r'(xlink:href="#|url\(#)', rf"\g<1>p{index}-", svg)
-    for colour, name in ((INK, "ink"), (FAINT, "faint"), (GRID, "grid"), ("#ffffff", "paper")):
-        svg = svg.replace(colour, f"var(--{name})")
-    svg = _with_classes(svg, f"p{index}-")
-    label = Markup.escape(f"{plot.title}. {plot.description}")
-    width = re.search(r'width="([\d.]+)pt"', svg)
-    size = f'style="max-width:{2 * float(width.group(1)):.0f}px"' if width else ""
-    box = re.search(r'viewBox="[^"]*"', svg)
-    spaces = 'xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink"'
-    size += ' preserveAspectRatio="xMinYMid meet"'
-    opening = f'<svg {box.group(0) if box else ""} {size} role="img" aria-label="{label}" {spaces}>'
-    return Markup(opening + svg[svg.index(">") + 1 :])
+def svg_address(svg: str) -> str:
+    """SVG text as an address that an image may have."""
+    return f"data:image/svg+xml;base64,{base64.b64encode(svg.encode()).decode()}"
 
 
-FONTS = re.compile(r"font-family: ('DejaVu Sans')[^;\"]*")
-"""Matplotlib names a dozen families with each text."""
+def plot_json(chart: Chart) -> Markup:
+    """A chart for plots.js."""
+    return _script_json(plotly(chart), separators=(",", ":"))
 
 
-def _with_classes(svg: str, prefix: str) -> str:
-    """The same drawing with a class for each style that it repeats."""
-    if "</style>" not in svg:
-        return svg
-    styles = [style for style, count in Counter(re.findall(r' style="([^"]*)"', svg)).items() if count > 2]
-    names = {style: f"{prefix}s{number}" for number, style in enumerate(styles)}
-    svg = re.sub(r' style="([^"]*)"', lambda mark: f' class="{names[mark[1]]}"' if mark[1] in names else mark[0], svg)
-    rules = "".join(f".{name}{{{style}}}" for style, name in names.items())
-    return svg.replace("</style>", f"{rules}</style>", 1)
+def library() -> Markup:
+    """The code of Plotly, deflated, in base64: plots.js reads it when the first plot is drawn."""
+    return Markup(base64.b64encode(zlib.compress(_asset(LIBRARY).encode(), 9)).decode())
 
 
-def _without_bare_groups(svg: str) -> str:
-    """The same drawing without the groups that hold things together by an id alone."""
-    kept: list[bool] = []
-    found = []
-    svg = re.sub(r'<g(?: id="[^"]*")?/>', "", svg)
-    for part in re.split(r"(<g(?: [^>]*)?(?<!/)>|</g>)", svg):
-        if part == "</g>":
-            if not kept.pop():
-                continue
-        elif re.fullmatch(r"<g(?: [^>]*)?(?<!/)>", part):
-            kept.append(re.fullmatch(r"<g(?: id=\"[^\"]*\")?>", part) is None)
-            if not kept[-1]:
-                continue
-        found.append(part if part.strip() else "")
-    return "".join(found)
-
-
+@functools.cache
 def _environment() -> Environment:
     environment = Environment(
         loader=FunctionLoader(_asset), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
@@ -284,8 +261,10 @@ def _environment() -> Environment:
         "anchor": anchor,
         "breakable": breakable,
         "cell_text": cell_text,
+        "plot_json": plot_json,
         "shown_columns": shown_columns,
         "sort_value": sort_value,
+        "svg_address": svg_address,
         "verdict_class": verdict_class,
     }
     return environment
@@ -311,9 +290,9 @@ def _asset(name: str) -> str:
     return (files("harness.report.html") / name).read_text(encoding="utf-8")
 
 
-def _script_json(value: Any) -> Markup:
+def _script_json(value: Any, **options: Any) -> Markup:
     """JSON that may stand inside a script element."""
-    text = json.dumps(value, allow_nan=False).replace("<", "\\u003c").replace("\u2028", "\\u2028")
+    text = json.dumps(value, allow_nan=False, **options).replace("<", "\\u003c").replace("\u2028", "\\u2028")
     return Markup(text)
 
 

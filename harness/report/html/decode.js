@@ -13,6 +13,10 @@ const HALF_VALUES = (() => {
   return values;
 })();
 
+function base64Bytes(text) {
+  return Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+}
+
 async function inflate(bytes) {
   const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
   return new Uint8Array(await new Response(stream).arrayBuffer());
@@ -20,7 +24,7 @@ async function inflate(bytes) {
 
 // Radiance of a picture: a Float32Array of height * width * 3.
 async function decodePicture(data) {
-  const planes = await inflate(Uint8Array.from(atob(data), (letter) => letter.charCodeAt(0)));
+  const planes = await inflate(base64Bytes(data));
   const count = planes.length / 2;
   const radiance = new Float32Array(count);
   for (let i = 0; i < count; i++) radiance[i] = HALF_VALUES[(planes[i] << 8) | planes[count + i]];

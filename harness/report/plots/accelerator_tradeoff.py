@@ -3,53 +3,56 @@
 from __future__ import annotations
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from harness.analysis import Analysis
 from harness.analysis.accelerator_tradeoff import build, families
 from harness.analysis.scaling import microseconds_a_path
-from harness.report.plots.panels import MOST_CURVES
-from harness.report.plots.style import Palette, log_scales, small_multiples
+from harness.report.plots.chart import Axis, Chart, Series, Subplot, interval
+from harness.report.plots.style import MOST_CURVES, Palette, small_multiples
+from harness.store.results import Contestant
 
 SHORTEST_BUILD = 1e-3
 """Milliseconds; what is built in less is drawn here."""
 
 
-def build_against_traverse(analysis: Analysis, palette: Palette) -> Figure | None:
+def build_against_traverse(analysis: Analysis, palette: Palette) -> Chart | None:
     """A subplot a scene; a line joins what differs in the accelerator alone. None without two accelerators."""
     found = families(analysis.results)
     scenes = list(dict.fromkeys(family[0].settings.scene for family in found))
     if not scenes:
         return None
-    figure, grid = small_multiples(len(scenes), 3.4, 3.3, sharey=False)
-    for axis, scene in zip(grid, scenes, strict=True):
-        for family in found:
-            if family[0].settings.scene != scene:
-                continue
-            x = np.array([build(contestant)[:3] for contestant in family]) * 1e3
-            y = np.array([microseconds_a_path(contestant)[:3] for contestant in family])
-            x = np.where(np.isnan(x), x, np.maximum(x, SHORTEST_BUILD))
-            first = palette.look(family[0])
-            axis.plot(x[:, 0], y[:, 0], color=first.colour, linestyle=first.line, linewidth=first.width / 2, alpha=0.6)
-            for contestant, across, up in zip(family, x, y, strict=True):
-                look = palette.look(contestant).line_style() | {"linestyle": "none", "markersize": 6.5}
-                axis.errorbar(
-                    across[0], up[0], xerr=_whisker(across), yerr=_whisker(up), elinewidth=0.8, label=contestant.name, **look
-                )
-        log_scales(axis, y=True)
-        axis.set_title(scene, fontsize=9)
-        axis.set_xlabel("build [ms]")
-    for axis in grid[::3]:
-        axis.set_ylabel("time of a path [µs]")
-    named = {label: handle for axis in grid for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)}
-    if len(named) <= MOST_CURVES:
-        figure.legend(list(named.values()), list(named), loc="outside lower center", ncols=3)
-    else:
-        handles = palette.key([contestant for family in found for contestant in family])
-        figure.legend(handles=handles, loc="outside lower center", ncols=4)
-    return figure
+    everyone = [contestant for family in found for contestant in family]
+    key = palette.key(everyone) if len({contestant.name for contestant in everyone}) > MOST_CURVES else ()
+    subplots = [
+        Subplot(
+            Axis("build [ms]"),
+            Axis("time of a path [µs]"),
+            [s for family in found if family[0].settings.scene == scene for s in _family(family, palette)],
+            title=scene,
+        )
+        for scene in scenes
+    ]
+    return small_multiples(subplots, 3.4, 3.3, legend="below", key=key, shared_y="none")
 
 
-def _whisker(estimate: np.ndarray) -> np.ndarray:
-    """(2, 1) lengths below and above the value, 0 where there is no interval."""
-    return np.nan_to_num(np.abs(estimate[1:, None] - estimate[0]))
+def _family(family: list[Contestant], palette: Palette) -> list[Series]:
+    builds = np.array([build(contestant)[:3] for contestant in family]) * 1e3
+    builds = np.where(np.isnan(builds), builds, np.maximum(builds, SHORTEST_BUILD))
+    paths = [microseconds_a_path(contestant) for contestant in family]
+    y, ends = np.array([path.value for path in paths]), interval(paths)
+    first = palette.look(family[0])
+    line = Series(builds[:, 0], y, first._replace(marker="", width=first.width / 2), opacity=0.6, behind=True)
+    points = [
+        Series(
+            builds[at, 0],
+            y[at],
+            palette.look(contestant)._replace(line="none", size=6.5),
+            contestant.name,
+            contestant.name,
+            {"ms to build": builds[at, 0], "µs of a path": y[at]},
+            builds[at, 1:],
+            ends[at],
+        )
+        for contestant, at in zip(family, ([row] for row in range(len(family))), strict=True)
+    ]
+    return [line, *points]

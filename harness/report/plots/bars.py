@@ -4,122 +4,119 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator
 
 from harness.analysis import Analysis, Verdict, seconds_per_sample
 from harness.analysis.scaling import thread_families
-from harness.report.plots.panels import MOST_CURVES, Panel
-from harness.report.plots.style import FAINT, GRID, INK, Palette, log_scales, new_figure, small_multiples
-from harness.statistics import Estimate, amdahl_fit, parallel_speedups
+from harness.report.plots.chart import FAINT, GRID, INK, Axis, Bars, Chart, Entry, Look, Note, Series, Subplot, interval
+from harness.report.plots.panels import Panel
+from harness.report.plots.style import MOST_CURVES, Palette, small_multiples
+from harness.statistics import QualityTime, amdahl_fit, parallel_speedups
 from harness.statistics.ratios import FEWEST_BLOCKS
-from harness.store.results import PHASES
+from harness.store.results import PHASES, Contestant
 
 PHASE_COLOURS = {"import": "#999999", "load": "#f0e442", "build": "#e69f00", "compile": "#cc79a7", "render": "#0072b2"}
 PHASE_HATCHES = {"import": "|||", "load": "xxx", "build": "///", "compile": "\\\\\\", "render": ""}
+STARTS = (
+    Entry("warm: rendering alone", Look(INK, "none", "o")),
+    Entry("cold: with import, load, build, compilation", Look(INK, "none", "o", False)),
+)
 
 
-def quality_bars(analysis: Analysis, panel: Panel, palette: Palette) -> Figure | None:
+def quality_bars(analysis: Analysis, panel: Panel, palette: Palette) -> Chart | None:
     """A panel for each target, two in a row; warm times are full dots, cold times hollow ones, whiskers 95 % intervals."""
     targets = analysis.results.targets
     if not targets:
         return None
-    rows, columns = len(panel.verdicts), min(len(targets), 2)
+    rows, columns = _names(panel), min(len(targets), 2)
     lines = math.ceil(len(targets) / columns)
-    figure = new_figure(7.4, 0.7 + (0.8 + 0.24 * rows) * lines)
-    axes = figure.subplots(lines, columns, sharey=True, sharex=True, squeeze=False).ravel()
-    for axis in axes[len(targets) :]:
-        axis.set_visible(False)
-    for index, (axis, target) in enumerate(zip(axes, targets, strict=False)):
-        for row, verdict in enumerate(panel.verdicts):
-            _quality_row(axis, row, verdict, index, palette)
-        log_scales(axis)
-        axis.set_title(f"until {target:g}", fontsize=9)
-        if index >= len(targets) - columns:
-            axis.set_xlabel("time [s]")
-            axis.tick_params(labelbottom=True)
-        axis.grid(axis="y", visible=False)
-    axes[0].set_yticks(range(rows), [verdict.contestant.name for verdict in panel.verdicts])
-    axes[0].set_ylim(rows - 0.4, -0.6)
-    for filled, words in ((True, "warm: rendering alone"), (False, "cold: with import, load, build, compilation")):
-        axes[0].plot([], [], "o", color=INK, markerfacecolor=INK if filled else "white", label=words, linestyle="none")
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
-    return figure
+    subplots = [
+        Subplot(
+            Axis("time [s]"),
+            rows,
+            _quality_rows(panel.verdicts, index, target, palette),
+            f"until {target:g}",
+            notes=_quality_notes(panel.verdicts, index),
+        )
+        for index, target in enumerate(targets)
+    ]
+    height = 0.7 + (0.8 + 0.24 * len(panel.verdicts)) * lines
+    return Chart(subplots, 7.4, height, columns, "below", more=STARTS)
 
 
-def _quality_row(axis: Axes, row: int, verdict: Verdict, index: int, palette: Palette) -> None:
+def _names(panel: Panel) -> Axis:
+    return Axis("", "linear", names=[verdict.contestant.name for verdict in panel.verdicts])
+
+
+def _quality_notes(verdicts: Sequence[Verdict], index: int) -> list[Note]:
+    notes = []
+    for row, verdict in enumerate(verdicts):
+        warm = verdict.warm[index]
+        if not math.isfinite(warm.value):
+            notes.append(Note(row, f"{warm.reached}/{warm.seeds} reached", colour=FAINT))
+        elif warm.at_first:
+            notes.append(Note(row, f"< ({warm.verdict()})", verdict.cold[index].value))
+    return notes
+
+
+def _quality_rows(verdicts: Sequence[Verdict], index: int, target: float, palette: Palette) -> list[Series]:
     """Means with whiskers; below three blocks a dot a block, for there an interval says nothing."""
-    colour = palette.colour(verdict.contestant.settings.engine)
-    warm, cold = verdict.warm[index], verdict.cold[index]
-    if not math.isfinite(warm.value):
-        axis.annotate(
-            f"{warm.reached}/{warm.seeds} reached",
-            (0.02, row),
-            xycoords=("axes fraction", "data"),
-            fontsize=7,
-            va="center",
-            color=FAINT,
-        )
-        return
-    axis.plot([warm.value, cold.value], [row, row], color=GRID, linewidth=3, zorder=1)
-    for quality, filled in ((cold, False), (warm, True)):
-        dots = [bound.high for bound in quality.crossings] if quality.seeds < FEWEST_BLOCKS else [quality.value]
-        axis.plot(dots, [row] * len(dots), "o", color=colour, markerfacecolor=colour if filled else "white", zorder=3)
-        if quality.seeds >= FEWEST_BLOCKS and not warm.at_first:
-            axis.plot([quality.low, quality.high], [row, row], color=colour, linewidth=1.2, zorder=2, solid_capstyle="butt")
-    if warm.at_first:
-        axis.annotate(
-            f"< ({warm.verdict()})",
-            (cold.value, row),
-            xytext=(5, 0),
-            fontsize=6,
-            textcoords="offset points",
-            va="center",
-            color=INK,
-        )
+    timed = [(row, v, v.warm[index], v.cold[index]) for row, v in enumerate(verdicts) if math.isfinite(v.warm[index].value)]
+    joins = np.array([(x, row) for row, _, warm, cold in timed for x in (warm.value, cold.value, math.nan)]).reshape(-1, 2)
+    found = [Series(joins[:, 0], joins[:, 1], Look(GRID, width=3), behind=True)]
+    for engine in dict.fromkeys(verdict.contestant.settings.engine for verdict in verdicts):
+        own = [row for row in timed if row[1].contestant.settings.engine == engine]
+        for filled in (False, True) if own else ():
+            times = [(row, verdict, warm if filled else cold, warm.at_first > 0) for row, verdict, warm, cold in own]
+            found.append(_dots(times, target, Look(palette.colour(engine), "none", "o", filled)))
+    return found
 
 
-def phase_bars(panel: Panel) -> Figure:
+def _dots(times: Sequence[tuple[int, Verdict, QualityTime, bool]], target: float, look: Look) -> Series:
+    """Dots of one colour, warm times (full) or cold ones; the hover text says the interval, too."""
+    seconds = "seconds" if look.filled else "cold seconds"
+    rows: list[float] = []
+    x: list[float] = []
+    ends: list[tuple[float, float]] = []
+    hover: dict[str, list[Any]] = {"contestant": [], "error": [], seconds: [], "95 % interval": [], "reached": []}
+    for row, verdict, quality, at_first in times:
+        few = quality.seeds < FEWEST_BLOCKS
+        for value in [bound.high for bound in quality.crossings] if few else [quality.value]:
+            known = not few and not at_first
+            texts = (verdict.contestant.name, target, value, f"{quality.low:.3g} to {quality.high:.3g} s" if known else None)
+            rows.append(row)
+            x.append(value)
+            ends.append((quality.low, quality.high) if known else (math.nan, math.nan))
+            for column, text in zip(hover, (*texts, quality.verdict()), strict=True):
+                hover[column].append(text)
+    return Series(np.array(x), np.array(rows, float), look, hover=hover, x_interval=np.array(ends).reshape(-1, 2))
+
+
+def phase_bars(panel: Panel) -> Chart:
     """Stacked mean seconds of a whole cell; a whisker at the end of each phase is its own interval."""
-    rows = len(panel.verdicts)
-    figure = new_figure(7.2, 1.4 + 0.24 * rows)
-    axis = figure.subplots()
-    left = np.zeros(rows)
+    rows = _names(panel)
+    left = np.zeros(len(rows.names))
+    bars = []
     for phase in PHASES:
-        seconds = np.nan_to_num([verdict.phases[phase].value for verdict in panel.verdicts])
-        axis.barh(
-            range(rows),
-            seconds,
-            left=left,
-            color=PHASE_COLOURS[phase],
-            hatch=PHASE_HATCHES[phase],
-            label=phase,
-            edgecolor="white",
-            linewidth=0,
-            height=0.72,
-        )
-        _phase_whiskers(axis, [verdict.phases[phase] for verdict in panel.verdicts], left)
+        estimates = [verdict.phases[phase] for verdict in panel.verdicts]
+        seconds = np.nan_to_num([estimate.value for estimate in estimates])
+        ends = interval(estimates)
+        hover = {
+            "contestant": rows.names,
+            "phase": [phase] * len(rows.names),
+            "seconds": seconds,
+            "95 % interval": [f"{low:.3g} to {high:.3g} s" if low < high else None for low, high in ends],
+        }
+        look = PHASE_COLOURS[phase], PHASE_HATCHES[phase]
+        bars.append(Bars(left.copy(), seconds, left[:, None] + ends, *look, phase, hover))
         left += seconds
-    axis.set_yticks(range(rows), [verdict.contestant.name for verdict in panel.verdicts])
-    axis.set_ylim(rows - 0.4, -0.6)
-    axis.set_xlabel("geometric mean time [s]")
-    axis.grid(axis="y", visible=False)
-    figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=len(PHASES))
-    return figure
+    x = Axis("geometric mean time [s]", "linear")
+    return Chart([Subplot(x, rows, bars)], 7.2, 1.4 + 0.24 * len(rows.names), legend="below")
 
 
-def _phase_whiskers(axis: Axes, estimates: Sequence[Estimate], left: np.ndarray) -> None:
-    """Intervals of bars that start at `left`, where they are known."""
-    for row, (estimate, start) in enumerate(zip(estimates, left.tolist(), strict=True)):
-        if math.isfinite(estimate.low) and math.isfinite(estimate.high) and estimate.high > estimate.low:
-            ends = [start + estimate.low, start + estimate.high]
-            axis.plot(ends, [row, row], color=INK, linewidth=1.2, solid_capstyle="butt")
-
-
-def thread_speedups(analysis: Analysis, palette: Palette) -> Figure | None:
+def thread_speedups(analysis: Analysis, palette: Palette) -> Chart | None:
     """Speed-up over threads with intervals, the ideal, and Amdahl's law as fitted; a subplot a scene."""
     families = thread_families(analysis.results)
     scenes = list(dict.fromkeys(family[0].settings.scene for family in families))
@@ -128,41 +125,31 @@ def thread_speedups(analysis: Analysis, palette: Palette) -> Figure | None:
     most = max(sum(family[0].settings.scene == scene for family in families) for scene in scenes)
     many = most > MOST_CURVES
     height = 3.0 + (0.5 if many else 0.11 * most)
-    figure, grid = small_multiples(len(scenes), 3.4, height)
-    counts = sorted({contestant.settings.threads for family in families for contestant in family})
-    for axis, scene in zip(grid, scenes, strict=True):
-        axis.plot(counts, np.array(counts) / counts[0], color=FAINT, linewidth=0.8, linestyle=":", label="ideal")
-        for family in families:
-            if family[0].settings.scene == scene:
-                _speedup_curve(axis, family, palette)
-        axis.set_title(scene, fontsize=9)
-        axis.set_xlabel("threads")
-        axis.xaxis.set_major_locator(FixedLocator(counts))
-        if not many:
-            axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), fontsize=7)
-    grid[0].set_ylabel("speed-up")
+    counts = np.array(sorted({contestant.settings.threads for family in families for contestant in family}), float)
+    ideal = Series(counts, counts / counts[0], Look(FAINT, ":", width=0.8), label="ideal", behind=True)
+    x = Axis("threads", "linear", ticks={count: f"{count:g}" for count in counts})
+    subplots = [
+        Subplot(
+            x,
+            Axis("speed-up", "linear"),
+            [ideal, *(_speedup_curve(family, palette) for family in families if family[0].settings.scene == scene)],
+            scene,
+        )
+        for scene in scenes
+    ]
     if many:
-        figure.legend(handles=palette.key([family[0] for family in families]), loc="outside lower center", ncols=6)
-    return figure
+        return small_multiples(subplots, 3.4, height, legend="below", key=palette.key([family[0] for family in families]))
+    return small_multiples(subplots, 3.4, height, legend="each")
 
 
-def _speedup_curve(axis: Axes, family: list, palette: Palette) -> None:
+def _speedup_curve(family: list[Contestant], palette: Palette) -> Series:
     seconds = {contestant.settings.threads: seconds_per_sample(contestant) for contestant in family}
     rows = parallel_speedups(seconds)
     fit = amdahl_fit(seconds)
-    look = palette.look(family[0])
     name = family[0].name.replace(f" {family[0].settings.threads} thread", "").removesuffix("s")
     serial = "" if math.isnan(fit.value) else f" (serial {100 * fit.value:.1f} %)"
-    values = np.array([row.speedup[:3] for row in rows])
-    whiskers = np.nan_to_num(np.abs(values[:, 1:].T - values[:, 0]))
-    axis.errorbar(
-        [row.threads for row in rows],
-        values[:, 0],
-        yerr=whiskers,
-        color=look.colour,
-        linestyle=look.line,
-        marker=look.marker,
-        elinewidth=1,
-        capsize=2,
-        label=name + serial,
-    )
+    threads, values = [row.threads for row in rows], [row.speedup.value for row in rows]
+    hover = {"threads": threads, "speed-up": values, "efficiency": [row.efficiency.value for row in rows]}
+    ends = interval([row.speedup for row in rows])
+    look = palette.look(family[0])._replace(filled=True, width=1.4)
+    return Series(np.array(threads, float), np.array(values), look, name, name + serial, hover, y_interval=ends)

@@ -8,11 +8,9 @@ from dataclasses import dataclass
 from harness.analysis import Analysis, Verdict
 from harness.analysis.model import Group, ranked_together
 from harness.metrics import Reference
-from harness.report.plots.style import file_stem
+from harness.report.plots.style import MOST_CURVES, file_stem
 from harness.store.results import Results, setting_text
 
-MOST_CURVES = 10
-"""More curves than this in one panel are split into facets."""
 FACET_AXES = ("engine", "sampler", "accelerator", "threads", "precision")
 
 

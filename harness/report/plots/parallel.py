@@ -1,4 +1,4 @@
-"""A second process that draws its share of the figures: `python -m harness.report.plots.parallel`, results in, plots out.
+"""A second process that draws its share of the figures: `python -m harness.report.plots.parallel`, charts in, files out.
 
 A new interpreter, not a fork: the first process may hold engines with threads of their own. What is drawn is the same
 to the byte, whoever draws it.
@@ -10,42 +10,45 @@ import pickle
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
-from harness.analysis import Analysis
 from harness.processes import worker_environment
-from harness.report.plots.drawing import draw
-from harness.report.plots.style import Plot
+from harness.report.plots.chart import Plot
+from harness.report.plots.figures import figure, save, style
+
+
+def draw(plots: Sequence[Plot], target: Path, suffixes: Sequence[str]) -> None:
+    """Writes each plot in each format into the folder `target`."""
+    with style():
+        for plot in plots:
+            save(figure(plot.chart), target, plot.name, suffixes)
 
 
 class Beside:
-    """Draws from the start of the context; `drawn` waits. A process that fails is replaced by this one."""
+    """Draws from the start of the context; `finish` waits. A process that fails is replaced by this one."""
 
-    def __init__(self, analysis: Analysis, target: Path, first: int, step: int) -> None:
-        self._share = analysis, target, first, step
-        self._given, self._made = tempfile.TemporaryFile(), tempfile.TemporaryFile()  # noqa: SIM115 (closed at exit)
+    def __init__(self, plots: Sequence[Plot], target: Path, suffixes: Sequence[str]) -> None:
+        self._share = plots, target, suffixes
+        self._given = tempfile.TemporaryFile()  # noqa: SIM115 (closed at exit)
 
     def __enter__(self) -> Beside:
         pickle.dump(self._share, self._given)
         self._given.seek(0)
         command = [sys.executable, "-m", "harness.report.plots.parallel"]
-        self._process = subprocess.Popen(
-            command, stdin=self._given, stdout=self._made, stderr=subprocess.DEVNULL, env=worker_environment(False)
-        )
+        streams = {"stdin": self._given, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+        self._process = subprocess.Popen(command, **streams, env=worker_environment(False))
         return self
 
     def __exit__(self, *_: object) -> None:
         self._process.kill()
         self._process.wait()
         self._given.close()
-        self._made.close()
 
-    def drawn(self) -> dict[int, Plot]:
+    def finish(self) -> None:
         if self._process.wait() != 0:
-            return draw(*self._share)
-        self._made.seek(0)
-        return pickle.load(self._made)
+            draw(*self._share)
 
 
 if __name__ == "__main__":
-    pickle.dump(draw(*pickle.load(sys.stdin.buffer)), sys.stdout.buffer)
+    draw(*pickle.load(sys.stdin.buffer))

@@ -3,40 +3,36 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from harness.analysis import Analysis
 from harness.analysis.scaling import exponent, families, microseconds_a_path, name_of, passes, path_seconds, pixels, primitives
-from harness.report.plots.curves import finish_legend
-from harness.report.plots.panels import MOST_CURVES
-from harness.report.plots.style import Palette, log_scales, new_figure
+from harness.report.plots.chart import Axis, Chart, Series, Subplot, interval
+from harness.report.plots.style import MOST_CURVES, Palette, curve_legend
 from harness.statistics import Estimate, geometric_interval
 from harness.store.results import Contestant, phase_seconds
 
+PATH, BUILD = "time of a path [µs]", "build [ms]"
 
-def cost_over_primitives(analysis: Analysis, palette: Palette) -> Figure | None:
+
+def cost_over_primitives(analysis: Analysis, palette: Palette) -> Chart | None:
     """None below three scenes of different sizes that some configuration has in common."""
     found = families(analysis, "scene", primitives)
     if not found:
         return None
-    figure = new_figure(8.4, 3.6)
-    paths, builds = figure.subplots(1, 2, sharex=True)
+    paths, builds = [], []
     for family in found:
         x, times = [primitives(c) for c in family], [microseconds_a_path(c) for c in family]
         last = _last_exponent(family)
         label = name_of(family) if math.isnan(last) else f"{name_of(family)} ({last:.2f})"
-        _line(paths, palette, family[0], x, times, label)
         built = [geometric_interval([1e3 * phase_seconds(cell, "build") for cell in c.done]) for c in family]
-        _line(builds, palette, family[0], x, built, label)
-    for axis, words in ((paths, "time of a path [µs]"), (builds, "build [ms]")):
-        log_scales(axis, y=True)
-        axis.set_xlabel("primitives")
-        axis.set_ylabel(words)
-    finish_legend(figure, [builds], palette, [family[0] for family in found])
-    return figure
+        scenes = {"scene": [c.settings.scene for c in family], "primitives": x}
+        paths.append(_curve(palette, family[0], x, times, label, scenes | {"µs of a path": [t.value for t in times]}))
+        builds.append(_curve(palette, family[0], x, built, label, scenes | {"ms to build": [b.value for b in built]}))
+    subplots = [Subplot(Axis("primitives"), Axis(words), curves) for words, curves in ((PATH, paths), (BUILD, builds))]
+    return _chart(subplots, palette, found, shared_x="all")
 
 
 def shows_exponents(analysis: Analysis) -> bool:
@@ -51,24 +47,22 @@ def _last_exponent(family: list[Contestant]) -> float:
     return exponent({primitives(c): path_seconds(c) for c in family}, sizes[-2:]).value
 
 
-def cost_over_pixels(analysis: Analysis, palette: Palette) -> Figure | None:
+def cost_over_pixels(analysis: Analysis, palette: Palette) -> Chart | None:
     """None below three sizes of image that some configuration has on one scene."""
     found = families(analysis, "size", lambda contestant: pixels(contestant.done[0]))
     if not found:
         return None
-    figure = new_figure(8.4, 3.6)
-    sizes, samples = figure.subplots(1, 2)
+    sizes, samples = [], []
     for family in found:
+        first, name = family[0], name_of(family)
         x, times = [pixels(c.done[0]) for c in family], [microseconds_a_path(c) for c in family]
-        _line(sizes, palette, family[0], x, times, name_of(family))
-        passes = _pass_times(family[-1])
-        _line(samples, palette, family[0], list(passes), list(passes.values()), name_of(family))
-    for axis, words in ((sizes, "pixels"), (samples, "samples per pixel, largest image")):
-        log_scales(axis, y=True)
-        axis.set_xlabel(words)
-        axis.set_ylabel("time of a path [µs]")
-    finish_legend(figure, [samples], palette, [family[0] for family in found])
-    return figure
+        hover = {"image": [c.settings.size for c in family], "µs of a path": [t.value for t in times]}
+        sizes.append(_curve(palette, first, x, times, name, hover))
+        measured = _pass_times(family[-1])
+        hover = {"samples": list(measured), "µs of a path": [t.value for t in measured.values()]}
+        samples.append(_curve(palette, first, list(measured), list(measured.values()), name, hover))
+    words = (("pixels", sizes), ("samples per pixel, largest image", samples))
+    return _chart([Subplot(Axis(x), Axis(PATH), curves) for x, curves in words], palette, found, shared_x="none")
 
 
 def _pass_times(contestant: Contestant) -> dict[int, Estimate]:
@@ -76,8 +70,12 @@ def _pass_times(contestant: Contestant) -> dict[int, Estimate]:
     return {spp: geometric_interval([1e6 * s for s in blocks.values()]) for spp, blocks in passes(contestant).items()}
 
 
-def _line(axis: Axes, palette: Palette, first: Contestant, x: list[int], y: list[Estimate], label: str) -> None:
+def _curve(palette: Palette, first: Contestant, x: list[int], y: Sequence[Estimate], label: str, hover: dict) -> Series:
     """A curve with intervals."""
-    values = np.array([estimate[:3] for estimate in y])
-    whiskers = np.nan_to_num(np.abs(values[:, 1:].T - values[:, 0]))
-    axis.errorbar(x, values[:, 0], yerr=whiskers, elinewidth=1, label=label, **palette.look(first).line_style())
+    values = np.array([estimate.value for estimate in y])
+    return Series(np.array(x, float), values, palette.look(first), label, label, hover, y_interval=interval(y))
+
+
+def _chart(subplots: list[Subplot], palette: Palette, found: Sequence[list[Contestant]], shared_x: str) -> Chart:
+    legend = curve_legend(palette, [family[0] for family in found])
+    return Chart(subplots, 8.4, 3.6, 2, shared_x=shared_x, shared_y="none", **legend)

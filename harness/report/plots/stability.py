@@ -7,22 +7,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.ticker import FixedLocator
 
 from harness.check_results import CheckResult
-from harness.report.plots.style import FAINT, INK, Sketch, engine_colours, log_scales, new_figure
+from harness.report.plots import chart
+from harness.report.plots.chart import FAINT, INK, Axis, Chart, Entry, Guide, Look, Plot, Subplot
+from harness.report.plots.style import engine_colours
 
 DISTANCES = {"t/distance": "distance", "t/offset": "offset of the scene", "t/radius": "radius of the sphere"}
 RATES = {"self/scale": "scale of the scene: self-hits", "leak/scale": "scale of the scene: light through a gap"}
 LINES: dict[str, Any] = {"sphere": "-", "triangle": "--", "mesh": "--", "gap 1e-03": "-", "gap 1e-05": "--", "gap 1e-07": ":"}
 EPSILONS = {"float64": 2.0**-52, "float32": 2.0**-23}
+ERRORS = Axis("relative error of t", low=1e-17, high=10.0, ticks={x: f"{x:g}" for x in (1e-16, 1e-12, 1e-8, 1e-4, 1.0)})
+LINEAR = 1e-3
+"""Shares are drawn by arcsinh(share / LINEAR): in proportion below it, logarithmic above."""
 LOWEST = 2e-18
 """Where an error of exactly zero is drawn."""
 
@@ -37,25 +37,30 @@ class Series(NamedTuple):
     findings: list[CheckResult]
 
 
-def sketches(findings: Sequence[CheckResult]) -> list[Sketch]:
+def plots(findings: Sequence[CheckResult]) -> list[Plot]:
     """The two figures, as far as there are findings for them."""
-    return [
-        Sketch(
+    errors = _chart(findings, DISTANCES, ERRORS, _error_curves, [Guide(eps, colour=FAINT) for eps in EPSILONS.values()])
+    shares = {0.0: "none", 1e-3: "0.001", 1e-2: "0.01", 1e-1: "0.1", 1.0: "all"}
+    ticks = {_place(share): text for share, text in shares.items()}
+    y = Axis("share of samples", "linear", _place(-3e-4), _place(2.0), ticks)
+    described = [
+        (
             "stability-of-t",
             "Numerical stability: error of t",
             "For each engine and precision the relative error of t: lines are medians, areas end at the worst hit; "
             "crosses at the top mark where rays missed what they should hit. Horizontal lines: the "
             "machine epsilons of float64 and float32.",
-            partial(_figure, findings, DISTANCES, _error_axis),
+            errors,
         ),
-        Sketch(
+        (
             "self-hits-and-leaks",
             "Numerical stability: self-hits and leaks",
             "Share of samples that hit the surface they had left, and that saw light where there is none, over the "
             "scale of the scene.",
-            partial(_figure, findings, RATES, _rate_axis),
+            _chart(findings, RATES, y, _share_curves),
         ),
     ]
+    return [Plot(name, title, text, drawn) for name, title, text, drawn in described if drawn is not None]
 
 
 def series(findings: Sequence[CheckResult], case: str) -> list[Series]:
@@ -73,9 +78,17 @@ def series(findings: Sequence[CheckResult], case: str) -> list[Series]:
     return found
 
 
-def _figure(
-    findings: Sequence[CheckResult], cases: Mapping[str, str], draw: Callable[[Axes, Series, str], None]
-) -> Figure | None:
+def _place(share: float) -> float:
+    return math.asinh(share / LINEAR)
+
+
+def _chart(
+    findings: Sequence[CheckResult],
+    cases: Mapping[str, str],
+    y: Axis,
+    curves_of: Callable[[Series, Look], list[chart.Series]],
+    guides: Sequence[Guide] = (),
+) -> Chart | None:
     """A row an engine, a column a case."""
     curves = {case: series(findings, case) for case in cases}
     curves = {case: found for case, found in curves.items() if found}
@@ -84,88 +97,47 @@ def _figure(
     everyone = [curve for found in curves.values() for curve in found]
     engines = list(dict.fromkeys(curve.engine for curve in everyone))
     colours = engine_colours(engines)
-    figure = new_figure(max(3.0 * len(curves), 7.2), 1.1 + 1.75 * len(engines))
-    axes = figure.subplots(len(engines), len(curves), sharey=True, sharex="col", squeeze=False)
-    for row, engine in zip(axes, engines, strict=True):
-        for axis, found in zip(row, curves.values(), strict=True):
-            for curve in found:
-                if curve.engine == engine:
-                    draw(axis, curve, colours[engine])
-            log_scales(axis)
-        row[0].set_title(engine, fontsize=9, color=colours[engine], fontweight="bold")
-    for axis, case in zip(axes[-1], curves, strict=True):
-        axis.set_xlabel(cases[case])
-    finish = _finish_errors if set(curves) <= set(DISTANCES) else _finish_rates
-    for axis in axes.ravel():
-        finish(axis)
-    figure.supylabel("relative error of t" if finish is _finish_errors else "share of samples", fontsize=9, color=INK)
-    figure.legend(handles=_legend(everyone), loc="outside lower center", ncols=4)
-    return figure
+    subplots = []
+    for engine in engines:
+        for column, (case, found) in enumerate(curves.items()):
+            own = [s for curve in found if curve.engine == engine for s in curves_of(curve, _look(curve, colours[engine]))]
+            title = "" if column else engine
+            subplots.append(Subplot(Axis(cases[case]), y, own, title, colours[engine], guides))
+    size = max(3.0 * len(curves), 7.2), 1.1 + 1.75 * len(engines)
+    return Chart(subplots, *size, len(curves), "below", more=_entries(everyone), shared_x="col")
 
 
-def _style(curve: Series, colour: str) -> dict[str, Any]:
+def _look(curve: Series, colour: str) -> Look:
     """Colour: engine. Line: what was hit. Hollow marker: float32, wider, so that it is seen behind the other."""
     single = curve.precision == "float32"
-    return {
-        "color": colour,
-        "linestyle": LINES.get(curve.kind, "-."),
-        "marker": "o",
-        "markersize": 6 if single else 3,
-        "markerfacecolor": "white" if single else colour,
-    }
+    return Look(colour, LINES.get(curve.kind, "-."), "o", not single, size=6 if single else 3)
 
 
-def _error_axis(axis: Axes, curve: Series, colour: str) -> None:
+def _error_curves(curve: Series, look: Look) -> list[chart.Series]:
     medians, worst = (np.array([getattr(f, key) for f in curve.findings]) for key in ("median_error", "error"))
-    seen = np.isfinite(medians)
-    axis.plot(curve.x[seen], medians[seen].clip(LOWEST), **_style(curve, colour))
-    both = seen & np.isfinite(worst)
-    axis.fill_between(curve.x[both], medians[both].clip(LOWEST), worst[both].clip(LOWEST), color=colour, alpha=0.1, linewidth=0)
-    missed = curve.x[~np.isfinite(worst)]
-    axis.plot(missed, np.ones(len(missed)), "x", color=colour, markersize=5)
+    name = f"{curve.engine} {curve.precision}, {curve.kind}"
+    seen, missed = np.isfinite(medians), ~np.isfinite(worst)
+    ends = np.column_stack([medians[seen].clip(LOWEST), np.where(missed, math.nan, worst)[seen].clip(LOWEST)])
+    hover = {"at": curve.x[seen], "median error": medians[seen], "worst error": worst[seen]}
+    line = chart.Series(curve.x[seen], medians[seen].clip(LOWEST), look, name, hover=hover, y_interval=ends, area=True)
+    crosses = Look(look.colour, "none", "x", size=5)
+    misses = {"at": curve.x[missed], "rays": ["some miss"] * int(missed.sum())}
+    return [line, chart.Series(curve.x[missed], np.ones(missed.sum()), crosses, name, hover=misses)]
 
 
-def _finish_errors(axis: Axes) -> None:
-    log_scales(axis, x=False, y=True)
-    axis.set_ylim(1e-17, 10.0)
-    axis.set_yticks([1e-16, 1e-12, 1e-8, 1e-4, 1.0])
-    axis.yaxis.set_minor_locator(FixedLocator([]))
-    for eps in EPSILONS.values():
-        axis.axhline(eps, color=FAINT, linewidth=0.8, linestyle=(0, (2, 2)), zorder=0.5)
-
-
-def _rate_axis(axis: Axes, curve: Series, colour: str) -> None:
+def _share_curves(curve: Series, look: Look) -> list[chart.Series]:
     shares = np.array([f.error / f.count if f.count else math.nan for f in curve.findings])
-    axis.plot(curve.x, shares, **_style(curve, colour))
+    name = f"{curve.engine} {curve.precision}, {curve.kind}"
+    hover = {"scale": curve.x, "share": shares, "samples": [f.count for f in curve.findings]}
+    return [chart.Series(curve.x, np.arcsinh(shares / LINEAR), look, name, hover=hover)]
 
 
-def _finish_rates(axis: Axes) -> None:
-    axis.set_yscale("symlog", linthresh=1e-3)
-    axis.set_ylim(-3e-4, 2.0)
-    axis.set_yticks([0, 1e-3, 1e-2, 1e-1, 1], ["none", "0.001", "0.01", "0.1", "all"])
-    axis.yaxis.set_minor_locator(FixedLocator([]))
-
-
-def _legend(curves: Sequence[Series]) -> list[Line2D]:
+def _entries(curves: Sequence[Series]) -> list[Entry]:
     """What lines and markers mean, among those that are there."""
-    entries = [
-        Line2D([], [], color=INK, linestyle=LINES.get(kind, "-."), label=kind)
-        for kind in dict.fromkeys(curve.kind for curve in curves)
-    ]
+    entries = [Entry(kind, Look(INK, LINES.get(kind, "-."))) for kind in dict.fromkeys(curve.kind for curve in curves)]
     precisions = sorted({curve.precision for curve in curves}, reverse=True)
     if len(precisions) > 1:
-        entries += [
-            Line2D(
-                [],
-                [],
-                color=INK,
-                linestyle="none",
-                marker="o",
-                label=name,
-                markerfacecolor="white" if name == "float32" else INK,
-            )
-            for name in precisions
-        ]
+        entries += [Entry(name, Look(INK, "none", "o", name != "float32")) for name in precisions]
     if any(math.isinf(finding.error) for curve in curves for finding in curve.findings):
-        entries.append(Line2D([], [], color=INK, linestyle="none", marker="x", label="some rays miss"))
+        entries.append(Entry("some rays miss", Look(INK, "none", "x")))
     return entries

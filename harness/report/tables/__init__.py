@@ -23,6 +23,7 @@ __all__ = [
     "columns",
     "sort_value",
     "tidy_tables",
+    "write_table",
     "write_tables",
 ]
 
@@ -47,10 +48,15 @@ def write_tables(analysis: Analysis, folder: Path) -> list[Table]:
     for table in tidy:
         write_text(folder / f"{table.name}.csv", csv_text(table))
     for table in tables:
-        for suffix, text in TEXTS.items():
-            write_text(target / f"{table.name}.{suffix}", text(table))
+        write_table(table, target)
     write_text(target / "columns.md", _columns_text(tidy, tables))
     return tables
+
+
+def write_table(table: Table, folder: Path) -> None:
+    """Writes a table for people in each format of `TEXTS`."""
+    for suffix, text in TEXTS.items():
+        write_text(folder / f"{table.name}.{suffix}", text(table))
 
 
 def _columns_text(tidy: list[Table], tables: list[Table]) -> str:

@@ -353,7 +353,7 @@ class Blocks:
         attempt = self.recorder.next_attempt(cell) if self.again else 1
         self.recorder.begin(cell, attempt)
         fewest = min((info["nthreads"] for info in self.machines.values()), default=1)
-        share = 1.0 if self.timed else 1.0 / max(1, fewest // max(1, cell.settings["threads"]))
+        share = 1.0 if self.timed else 1.0 / max(1, fewest // max(1, cell.settings.threads))
         request = cell.request(self.recorder.plan.experiment.checkpoints)
         future = self.cluster.submit(cell, request, address, share)
         self.tasks[future] = Task(cell, rest, address, attempt)

@@ -18,10 +18,11 @@ from engines.registry import is_known, known_names
 from engines.scene import Scene
 from harness.analysis.equivalence import bound, describe
 from harness.config import paths
-from harness.config.settings import SceneFile, require_commands, require_imports
+from harness.config.settings import SceneFile
 from harness.console import consoles
 from harness.measure.pool import Pool, WorkerFailed
 from harness.processes import allow_here
+from harness.settings import require_commands, require_imports
 from harness.statistics import Equivalence, equivalence
 from harness.statistics.equivalence import DEFAULT_MARGINS, Margins, shared_alpha
 

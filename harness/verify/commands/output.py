@@ -22,7 +22,7 @@ from harness.verify.results_file import document
 from harness.verify.tolerances import TOLERANCES
 
 if TYPE_CHECKING:
-    from harness.report.plots import Plot
+    from harness.report.plots import Picture
 
 COLUMNS = [
     Column("case", "Id of the case."),
@@ -73,15 +73,19 @@ def table(results: Sequence[CheckResult], names: Sequence[str] = ()) -> Table:
 
 def write(results: Sequence[CheckResult], folder: Path, quick: bool) -> None:
     """Writes verify.json, .csv, .tex (without the long texts) and .html, and plots/ where there is something to plot."""
-    from harness.report.plots import draw_stability
+    from harness.report.plots import stability_plots, write_files
+    from harness.report.plots.figures import picture
+    from harness.report.plots.style import formats
 
     folder.mkdir(parents=True, exist_ok=True)
-    plots = draw_stability(results, folder / "plots")
+    plots = stability_plots(results)
+    write_files(plots, folder / "plots")
+    pictures = [picture(plot) for plot in plots] if formats() else []
     texts = {
         "json": json.dumps(document(results, quick), indent=1, allow_nan=False) + "\n",
         "csv": csv_text(table(results)),
         "tex": latex_text(table(results, SHORT)),
-        "html": page(results, quick, plots),
+        "html": page(results, quick, pictures),
     }
     for suffix, text in texts.items():
         write_text(folder / f"verify.{suffix}", text)
@@ -151,9 +155,9 @@ def tolerance_text(result: CheckResult) -> str:
     return "–" if math.isnan(result.tolerance) else number_text(result.tolerance)
 
 
-def page(results: Sequence[CheckResult], quick: bool, plots: Sequence[Plot] = ()) -> str:
+def page(results: Sequence[CheckResult], quick: bool, plots: Sequence[Picture] = ()) -> str:
     """verify.html: one file without scripts, which loads nothing."""
-    from harness.report.html.assembly import inline_svg
+    from harness.report.html.assembly import svg_address
 
     loader = jinja2.PackageLoader("harness.verify.commands", ".")
     environment = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
@@ -180,7 +184,8 @@ def page(results: Sequence[CheckResult], quick: bool, plots: Sequence[Plot] = ()
         tolerance_text=tolerance_text,
         accelerator_text=accelerator_text,
         isnan=math.isnan,
-        plots=[(plot, inline_svg(plot, index)) for index, plot in enumerate(plots)],
+        plots=plots,
+        svg_address=svg_address,
         worst=lambda rows: [row.result for row in worst_per_check(rows)],
         has_ulps=lambda rows: any(not math.isnan(result.worst_ulp) for result in rows),
         failures=[r for r in results if r.outcome == FAIL],

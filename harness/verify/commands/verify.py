@@ -12,11 +12,11 @@ from rich.console import Console
 from engines import registry
 from engines.errors import ConfigError, UnknownName
 from harness.check_results import FAIL, SKIP, CheckResult, counts, counts_text
-from harness.config.settings import require_imports
 from harness.console import consoles
 from harness.measure.machine import usable_cores
 from harness.processes import allow_here
 from harness.run.progress import duration
+from harness.settings import require_imports
 from harness.store import make_out
 from harness.verify.commands import output
 from harness.verify.parallel import EngineInfo, FinishedJob, Job, describe_engines, make_jobs, run_jobs

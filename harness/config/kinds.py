@@ -9,12 +9,17 @@ import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
+
+import numpy as np
 
 from engines.schema.keys import Readable, Schema
 from engines.schema.kinds import Kind
 from engines.schema.yaml_file import Located
 
+RECORDED: Any = object()
+"""The context of what was read before, perhaps on another machine, and is not going to be run: files, engines and packages that
+it names are not looked up. Else the context is the folder of the file that is read, or None."""
 UNITS = {"B": 1, "kB": 10**3, "MB": 10**6, "GB": 10**9, "TB": 10**12, "KiB": 2**10, "MiB": 2**20, "GiB": 2**30, "TiB": 2**40}
 """Bytes by the unit of a size."""
 _SECONDS = {"ms": 1e-3, "s": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0}
@@ -53,6 +58,13 @@ def finite(node: Located) -> None:
 # --- kinds ----------------------------------------------------------------------------------------------------------
 
 
+class Value(Readable, Protocol):
+    """A kind of value that is written as it is read."""
+
+    def write(self, value: Any) -> Any:
+        """What a file says where `read` returns `value`."""
+
+
 def integer(low: int, high: int) -> Kind:
     """A whole number in [low, high]; `64.0` and `1e3` are whole numbers too."""
 
@@ -77,6 +89,17 @@ def number(low: float, high: float, open_low: bool = False) -> Kind:
     return Kind(read, {"type": "number", "exclusiveMinimum" if open_low else "minimum": low, "maximum": high})
 
 
+def version(number: int) -> Kind:
+    """The version of the format that is read here."""
+
+    def read(node: Located) -> int:
+        if node.value != number or node.value is True:
+            raise node.refuse(f"must be {number}")
+        return number
+
+    return Kind(read, {"const": number})
+
+
 def one_of(*names: str) -> Kind:
     """One of these names."""
 
@@ -92,10 +115,13 @@ def one_of(*names: str) -> Kind:
 class OrNull:
     """A value of `kind`, or null."""
 
-    kind: Readable
+    kind: Value
 
     def read(self, node: Located, context: Any = None) -> Any:
         return None if node.value is None else self.kind.read(node, context)
+
+    def write(self, value: Any) -> Any:
+        return None if value is None else self.kind.write(value)
 
     def schema(self) -> Schema:
         return {"anyOf": [self.kind.schema(), {"const": None}]}
@@ -103,13 +129,17 @@ class OrNull:
 
 @dataclass(frozen=True, slots=True)
 class ListOf:
-    """A list of values of one kind."""
+    """A list of values of one kind, read as a tuple."""
 
     kind: Readable
     at_least: int = 0
 
-    def read(self, node: Located, context: Any = None) -> list[Any]:
-        return [self.kind.read(child, context) for child in listing(node, self.at_least)]
+    def read(self, node: Located, context: Any = None) -> tuple[Any, ...]:
+        return tuple(self.kind.read(child, context) for child in listing(node, self.at_least))
+
+    def write(self, value: Any) -> list[Any]:
+        kind: Any = self.kind
+        return [kind.write(each) for each in value]
 
     def schema(self) -> Schema:
         return {"type": "array", "items": self.kind.schema(), **({"minItems": self.at_least} if self.at_least else {})}
@@ -163,6 +193,15 @@ def _size(node: Located) -> int:
     return int(found)
 
 
+def _seconds_text(seconds: float) -> str:
+    return f"{np.format_float_positional(seconds, trim='-')}s"
+
+
+def _size_text(size: int) -> str:
+    unit = max((each for each in UNITS if size % UNITS[each] == 0), key=UNITS.__getitem__)
+    return f"{size // UNITS[unit]}{unit}"
+
+
 _PIXELS = integer(1, 65_536)
 
 
@@ -189,9 +228,9 @@ NAME = Kind(_text, {"type": "string"})
 """A string that is not empty."""
 LINE = Kind(_line, {"type": ["string", "number"]})
 """Any scalar as text: a title may look like a number."""
-DURATION = Kind(_duration, {"type": "string", "pattern": rf"^\s*{_DURATION}\s*$"})
+DURATION = Kind(_duration, {"type": "string", "pattern": rf"^\s*{_DURATION}\s*$"}, _seconds_text)
 """Seconds, from text with a unit."""
-SIZE = Kind(_size, {"type": "string", "pattern": rf"^\s*{_SIZE}\s*$"})
+SIZE = Kind(_size, {"type": "string", "pattern": rf"^\s*{_SIZE}\s*$"}, _size_text)
 """Bytes, from text with a unit."""
 RESOLUTION = Kind(
     _resolution,
@@ -201,5 +240,7 @@ RESOLUTION = Kind(
             {"type": "string", "pattern": f"^{PIXEL_COUNTS}$"},
         ]
     },
+    list,
 )
 """(width, height) in pixels."""
+SEED = integer(0, 2**63 - 1)
