@@ -1,7 +1,7 @@
 """From a name to an engine: the entry-point group `raybench.engines`, ours built in, or `module:attribute`.
 
 A name that ends in .yaml or .yml is the file of a renderer that runs as a process: see `engines.peers.external`. What follows
-an @ is the Python that runs the engine, `mitsuba@/path/to/environment`: see `engines.isolated`.
+an @ is the Python that runs the engine, `mitsuba@/path/to/environment`: see `engines.peers.isolated`.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def engine(name: Any) -> Engine:
     made = _made(_loaded(base), base)
     if python is None and not getattr(made, "own_process", False):
         return made
-    apart = load_attribute("engines.isolated:Engine")
+    apart = load_attribute("engines.peers.isolated:Engine")
     variable = f"RAYBENCH_{re.sub('[^A-Z0-9]', '_', made.name.upper())}_PYTHON"
     named = python or os.environ.get(variable)
     return apart(made, place(base), interpreter(named or THIS), bool(named))

@@ -98,7 +98,7 @@ ALLOWED: dict[str, set[str]] = {
     "engines.embree": _JITTED,
     "engines.dahlquist": {*_BASE, "engines.image", *_KERNELS},
     "engines.embreex_batch": {*_BASE, "engines.numpy_reference"},
-    "engines.isolated": {*_BASE, "engines.imports", "engines.processes", "engines.registry"},
+    "engines.peers.isolated": {*_BASE, "engines.imports", "engines.processes", "engines.registry"},
     "engines.peers": set(),
     "engines.peers.adapters": _BASE,
     "engines.peers.cycles": {*_BASE, "engines.peers.adapters"},

@@ -208,7 +208,7 @@ def test_the_code_of_an_own_engine_is_its_part_of_the_package_and_what_that_impo
         "kernels/layout.py": {"numba", "embree"},
         "film.py": set(names),
         "scene/shapes.py": set(names),
-        "isolated/server.py": set(names),
+        "peers/isolated/server.py": set(names),
         "processes/child.py": set(names),
         "peers/adapters/geometry.py": {"luxcore", "cycles", "mitsuba"},
         "sobol_numbers.py": {"numpy", "numba", "embree"},

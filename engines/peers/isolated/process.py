@@ -11,8 +11,8 @@ from typing import Any
 from engines import processes
 from engines.errors import ConfigError, RaybenchError, RendererFailed, Unsupported
 from engines.imports import users_folders
-from engines.isolated.films import Block
-from engines.isolated.messages import Done, Failed, FilmReady, GoOn, Request
+from engines.peers.isolated.films import Block
+from engines.peers.isolated.messages import Done, Failed, FilmReady, GoOn, Request
 from engines.processes import Channel, Closed, pickled
 from engines.processes.process import REMEMBERED
 
@@ -45,7 +45,7 @@ class Process:
         environment = {key: value for key, value in os.environ.items() if key not in _THEIRS}
         try:
             self._process = processes.Process(
-                "engines.isolated.server:serve",
+                "engines.peers.isolated.server:serve",
                 str(os.getpid()),
                 python=python,
                 environment=environment,

@@ -17,9 +17,9 @@ from typing import Any
 
 from engines import errors
 from engines.film import allocated_by
-from engines.isolated import films
-from engines.isolated.environment import described
-from engines.isolated.messages import Done, Failed, FilmReady, Request
+from engines.peers.isolated import films
+from engines.peers.isolated.environment import described
+from engines.peers.isolated.messages import Done, Failed, FilmReady, Request
 from engines.processes import Channel, Closed, pickled
 from engines.registry import make
 

@@ -17,8 +17,8 @@ from engines.concurrency import CallGuard
 from engines.film import Film
 from engines.imports import users_folders
 from engines.interface import Hits, OnPass, Settings
-from engines.isolated.films import Block, film_in
-from engines.isolated.process import Process
+from engines.peers.isolated.films import Block, film_in
+from engines.peers.isolated.process import Process
 from engines.scene import Camera, Scene, Shape
 
 MOST_IDLE = 2

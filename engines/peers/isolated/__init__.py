@@ -8,6 +8,6 @@ The process needs NumPy and what the engine imports; raybench's packages are fou
 that started it, however that ends. It needs file descriptors that are passed to a child: there is none of this on Windows.
 """
 
-from engines.isolated.engine import Engine, Renderer
+from engines.peers.isolated.engine import Engine, Renderer
 
 __all__ = ["Engine", "Renderer"]
