@@ -21,7 +21,7 @@ LARGEST = 1 << 28
 INSTALLED = {"site-packages", "dist-packages"}
 OWN = Path(__file__).resolve().parent
 """The package `engines`."""
-SHARED = ("__init__.py", "registry.py", "isolated")
+SHARED = ("__init__.py", "registry.py", "peers/isolated")
 """Parts of `engines` that belong to every engine: what makes one of a name, and the process that one may run in."""
 _IMPORTED = re.compile(rb"^[ \t]*(?:from[ \t]+(\w+)[\w.]*[ \t]+import\b|import[ \t]+([\w., \t]+))", re.MULTILINE)
 
