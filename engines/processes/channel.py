@@ -59,9 +59,11 @@ class Channel:
         return cls(socket.socket(fileno=descriptor), exits=exits)
 
     def fileno(self) -> int:
+        """The descriptor of the socket, for `select`."""
         return self.socket.fileno()
 
     def close(self) -> None:
+        """Closes the socket; the other end then raises `Closed`."""
         self.socket.close()
 
     def send(self, data: bytes, beside: Sequence[memoryview] = (), descriptor: int | None = None) -> None:

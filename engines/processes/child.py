@@ -18,6 +18,7 @@ class Engines:
 
     @staticmethod
     def find_spec(name, path=None, target=None):
+        """The module spec of `engines`; None for other names."""
         if name != "engines":
             return None
         folder = os.path.dirname(HERE)
@@ -53,6 +54,7 @@ def run(target, parent, dies_with_it, descriptors, arguments):
 
 
 def main():
+    """Calls the function that the command line names: target, parent's pid, 0 or 1, descriptors, texts."""
     major, minor = sys.version_info[:2]
     if (major, minor) < (3, 11):
         sys.exit(f"Python 3.11 or later is expected, this is {major}.{minor}")

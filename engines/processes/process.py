@@ -87,6 +87,7 @@ class Process:
 
     @property
     def runs(self) -> bool:
+        """Whether it has not ended."""
         return self._process.poll() is None
 
     @property

@@ -166,7 +166,7 @@ def results_of(folder: Path, manifest: Manifest, events: Sequence[AnyEvent]) -> 
     config, targets = config_of(manifest), last_event(events, Targets)
     quality = config.quality
     metric = targets.metric if targets else quality.name
-    goals = targets.targets if targets else quality.targets or ()
+    goals = targets.targets if targets else (manifest.config and quality.targets) or ()  # without a config none were asked for
     results = Results(
         folder,
         manifest,

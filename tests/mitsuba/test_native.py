@@ -178,7 +178,7 @@ def test_two_integrators_race_towards_one_reference(tmp_path):
     sweeping.run(path, tmp_path / "out")
     results = load_results(tmp_path / "out")
     assert len(results.references) == 1
-    assert [contestant.settings.shader for contestant in results.contestants if len(contestant.done) == 2] == [
+    assert [str(contestant.settings.shader) for contestant in results.contestants if len(contestant.done) == 2] == [
         "mitsuba(max_depth=6, type=volpath)",
         "path_tracer(direct=mis, max_depth=6, rr_depth=5)",
     ]
