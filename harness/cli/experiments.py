@@ -85,7 +85,7 @@ def _summary(console: Console, outcome: Outcome, folder: Path) -> None:
     for words in outcome.failed_verify_jobs:
         console.print(words, style=progress.COLOURS["failed"], markup=False, soft_wrap=True)
     if outcome.failures or outcome.failed_verify_jobs:
-        console.print(f"What the engines printed is in {folder / 'worker.log'}; --retry measures these again.")
+        console.print(f"What the engines printed is in {folder / 'worker.log'}; --retry measures these again.", soft_wrap=True)
     if (file := folder / store.WINNERS).is_file() and (winners := file.read_text("utf-8")):
         console.print(winners, end="", markup=False, soft_wrap=not console.is_terminal)
     counted = ", ".join(f"{count} {state}" for state, count in sorted(outcome.states.items()))

@@ -15,11 +15,14 @@ from typing import Any
 
 import numpy as np
 
+from engines.choices import Choice
 from engines.film import Film
 from harness.run import references
+from harness.settings import CellSettings
 from harness.store import reference_files
 
 REPLICATES = 6
+SETTINGS = CellSettings(Choice("albedo", {}), Choice("random", {}), Choice("auto", {}), "float64", 1, 24, 16)
 
 
 def wanted(number: int, replicates: int = REPLICATES) -> references.PlannedReference:
@@ -33,7 +36,7 @@ def wanted(number: int, replicates: int = REPLICATES) -> references.PlannedRefer
         "shader": {"name": "albedo"},
         "seed": 100 * number,
     }
-    return references.PlannedReference("ball", "ball.yaml", "5ce4e", asked, {})
+    return references.PlannedReference("ball", "ball.yaml", "5ce4e", asked, SETTINGS)
 
 
 def image(seed: int) -> np.ndarray:

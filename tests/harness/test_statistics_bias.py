@@ -20,7 +20,7 @@ BASELINE = Path(__file__).resolve().parents[2] / "results" / "baseline"
 def box():
     """(radiance of cornell_box, variance of one sample), both (h, w, 3), as the committed reference has them."""
     results = load_results(BASELINE)
-    (key,) = [key for key, event in results.references.items() if event["scene"] == "cornell_box"][:1]
+    (key,) = [key for key, event in results.references.items() if event.scene == "cornell_box"][:1]
     found = reference_arrays(BASELINE, key)
     return found.mean, found.variance * found.spp
 

@@ -12,6 +12,7 @@ from engines.peers.adapters.lacks import mixture_lacks
 from engines.peers.adapters.seeds import derive_seed
 from engines.peers.adapters.tessellation import cylinder_mesh, disk_mesh, sphere_mesh, squares
 from engines.scene.frames import tangents
+from engines.scene.tessellate import Triangles
 
 __all__ = [
     "MEANS_ALONE",
@@ -20,6 +21,7 @@ __all__ = [
     "CameraFrame",
     "FlatMesh",
     "ImageRenderer",
+    "Triangles",
     "camera_frame",
     "cylinder_mesh",
     "derive_seed",
