@@ -51,8 +51,8 @@ def break_evens(analysis: Analysis) -> Iterator[BreakEven]:
         first, *others = family
         yield BreakEven(first, None, build(first), microseconds_a_path(first), None, None)
         compared = [(row, 0) for row, other in enumerate(family) if row and not unfit & {id(first), id(other)}]
-        floor = analysis.floor(first.settings.scene)
-        ratios = race_of([seconds_per_sample(c) for c in family], compared, floor).ratios
+        floor, margin = analysis.floor(first.settings.scene), analysis.results.config.same_within
+        ratios = race_of([seconds_per_sample(c) for c in family], compared, floor, margin).ratios
         found = {row: ratio for (row, _), ratio in zip(compared, ratios, strict=True)}
         for row, other in enumerate(others, 1):
             yield BreakEven(

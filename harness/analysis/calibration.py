@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from harness.analysis.model import Analysis, Verdict, raced_together
-from harness.analysis.races import clock_steps, margin, times_found
+from harness.analysis.races import clock_steps, times_found
 from harness.statistics.calibration import BIASED_IMAGE, BIASED_TILE, RaceNoise, bias_figures, race_figures, scaled_residuals
 from harness.store.records import Calibration
 
@@ -40,7 +40,7 @@ def calibrate(analysis: Analysis, image_repetitions: int = REPETITIONS) -> Calib
     noises = list(_noises(analysis))
     samples = [verdict.radiance for verdict in analysis.verdicts if verdict.radiance and not verdict.contestant.settings.label]
     times, images = (np.random.default_rng([SEED, part]) for part in range(2))
-    races = race_figures(noises, REPETITIONS, times, margin(analysis.results)) if noises else None
+    races = race_figures(noises, REPETITIONS, times, analysis.results.config.same_within) if noises else None
     bias = bias_figures(samples, image_repetitions, images) if samples else None
     return Calibration(
         races=races,

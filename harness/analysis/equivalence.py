@@ -18,7 +18,7 @@ import numpy as np
 from harness.metrics import Reference
 from harness.statistics import Equivalence, equivalence
 from harness.statistics.bias import expected_variance
-from harness.statistics.equivalence import Margins, shared_alpha
+from harness.statistics.equivalence import shared_alpha
 from harness.store.records import Cell, Point, Settings
 from harness.store.results import Contestant, Results
 
@@ -107,11 +107,6 @@ def shared_spp(*contestants: Contestant, pictured: bool = False) -> set[int]:
     return set.intersection(*sets) if sets else set()
 
 
-def margins_of(results: Results) -> Margins:
-    """The margins of the config."""
-    return results.config.equivalence.margins
-
-
 def compared(first: Contestant, second: Contestant, images: Replicates, alpha: float) -> Comparison | None:
     """Their images at equal samples or their last ones, whichever has the smaller standard error."""
     spp = common_spp(first, second, pictured=True)
@@ -129,7 +124,7 @@ def _compared(first: Contestant, second: Contestant, images: Replicates, alpha: 
     samples = [pictured_spp([cell for cell in each.done if cell.block in shared], spp) for each in (first, second)]
     paired = samples[0] == samples[1]
     least = None if paired else _least_variance(images.reference(first), a[0].shape, samples)
-    found = equivalence(a, b, margins_of(images.results), alpha, least)
+    found = equivalence(a, b, images.results.config.equivalence.margins, alpha, least)
     typical = int(np.median(samples[0])), int(np.median(samples[1]))
     return Comparison(found, (len(a), len(b)), typical, paired)
 

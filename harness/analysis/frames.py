@@ -13,7 +13,6 @@ from typing import Any, get_args
 
 import pandas as pd
 
-from harness.analysis import races
 from harness.analysis.columns import Column, Table
 from harness.analysis.model import FLAGS, OF_THE_ESTIMATOR, OF_THE_TIME, Analysis, Verdict
 from harness.analysis.verdicts import analyse
@@ -208,7 +207,7 @@ def verdicts(analysis: Analysis) -> Table:
     """One row a scene, target and contestant."""
     flags = "; ".join(f"{name}: {words}" for name, words in FLAGS.items())
     allowed, allowed_open = (", ".join(sorted(names)) for names in (OF_THE_TIME, OF_THE_ESTIMATOR))
-    margin = f"{100 * races.margin(analysis.results):g} %"
+    margin = f"{100 * analysis.results.config.same_within:g} %"
     table = Table(
         "verdicts",
         "Verdicts",

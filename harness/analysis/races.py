@@ -174,7 +174,7 @@ def _outcome(
         ranked=ranked,
         twins=twins,
         clock=clock_steps(low),
-        margin=margin(results),
+        margin=results.config.same_within,
         **_readings(results, group, index),
     )
     ratios = {row: ratio for (row, _), ratio in zip(compared, found.ratios, strict=True)}
@@ -216,33 +216,19 @@ def times_read(results: Results, verdict: Verdict, index: int, reading: Reading)
     }
 
 
-def sample_floors(results: Results) -> dict[str, float]:
-    """Scene -> its noise floor of seconds per sample as a log ratio, NaN where it was not measured."""
-    own: dict[str, list[float]] = {scene: [] for scene in results.scenes}
-    for one, other in _twins(results.contestants):
-        pair = [results.contestants[at] for at in (one, other)]
-        logs = _logs([_per_sample(contestant) for contestant in pair])
-        own[pair[0].settings.scene].append(twin_distance(*logs, 0, 1))
-    everyone = [distance for found in own.values() for distance in found]
-    return {scene: noise_floor(found, everyone) for scene, found in own.items()}
-
-
 def race_of(
     measured: Sequence[Mapping[int, float]],
     compared: Sequence[tuple[int, int]],
     floor: float,
+    margin: float,
     readings: Sequence[Sequence[Mapping[int, Bound]]] = (),
     mixed: NDArray[np.bool_] | None = None,
 ) -> Race:
-    """The race of contestants of which each has block -> a positive number, of which less is better. `readings`: the numbers
-    of all as found in other ways, see `statistics.race`."""
+    """The race of contestants of which each has block -> a positive number, of which less is better. `margin`: the largest
+    difference, as a share, that counts as the same. `readings`: the numbers of all as found in other ways, see
+    `statistics.race`."""
     logs = _logs([{b: Bound(value, value) for b, value in one.items()} for one in measured])
-    return race(*logs, compared, floor, readings=[_logs(bounds) for bounds in readings], mixed=mixed)
-
-
-def margin(results: Results) -> float:
-    """The config's `same_within`."""
-    return results.config.same_within
+    return race(*logs, compared, floor, margin=margin, readings=[_logs(bounds) for bounds in readings], mixed=mixed)
 
 
 def clock_steps(low: Logs) -> Logs:

@@ -18,7 +18,7 @@ from engines.choices import Choice
 from engines.registry import split
 from engines.schema.keys import Given, Key, Record, Schema
 from engines.schema.yaml_file import Located
-from harness.config.kinds import RESOLUTION, Checked, ListOf, is_number, listing, mapping, number
+from harness.config.kinds import RESOLUTION, ListOf, is_number, listing, number
 from harness.config.settings import SETTINGS, Budget, Combination
 from harness.settings import CHOICES
 
@@ -144,11 +144,6 @@ class ZipKind:
         return {"anyOf": [_LISTS.schema(), {"type": "array", "items": _LISTS.schema()}]}
 
 
-def _where_and_set(node: Located) -> None:
-    if not {"where", "set"} <= mapping(node).keys():
-        raise node.refuse("both 'where' and 'set' are expected")
-
-
 _LISTS = Record("Lists of settings.", {name: Key(ListOf(key.kind, 1), key.meaning, None) for name, key in SETTINGS.items()})
 _SETTINGS = Record("Settings.", SETTINGS)
 _EXTEND = Record(
@@ -167,7 +162,7 @@ MATRIX = {
         "Whole cells beside the matrix. A setting that one leaves out comes from the first value of each axis.",
         [],
     ),
-    "extend": Key(ListOf(Checked(_where_and_set, _EXTEND)), "Settings that change where a filter matches.", []),
+    "extend": Key(ListOf(_EXTEND), "Settings that change where a filter matches.", []),
 }
 """The keys that make combinations of the settings."""
 

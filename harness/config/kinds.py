@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
@@ -143,21 +142,6 @@ class ListOf:
 
     def schema(self) -> Schema:
         return {"type": "array", "items": self.kind.schema(), **({"minItems": self.at_least} if self.at_least else {})}
-
-
-@dataclass(frozen=True, slots=True)
-class Checked:
-    """A value of `kind`, which `check` may refuse before it is read."""
-
-    check: Callable[[Located], Any]
-    kind: Readable
-
-    def read(self, node: Located, context: Any = None) -> Any:
-        self.check(node)
-        return self.kind.read(node, context)
-
-    def schema(self) -> Schema:
-        return self.kind.schema()
 
 
 def _text(node: Located) -> str:

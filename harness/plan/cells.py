@@ -69,7 +69,10 @@ class Cell:
             words += [f"--{kind}", flow(getattr(settings, kind))]
         words += ["--threads", str(settings.threads), "--precision", settings.precision]
         words += ["--size", f"{settings.width}x{settings.height}", "--seed", str(self.seed)]
-        words += ["--spp", str(spp), "-o", "image.exr", *(["--allow-commands"] if names_a_program(self.engine) else [])]
+        words += ["--spp", str(spp), "-o", "image.exr"]
+        names = (self.engine, *(getattr(settings, kind).name for kind in CHOICES))
+        words += ["--allow-commands"] if names_a_program(self.engine) else []
+        words += ["--allow-imports"] if any(":" in split(name)[0] for name in names) else []
         return " ".join(quote(word) for word in words)
 
     def sampler(self, spp: int) -> Choice:

@@ -188,7 +188,7 @@ MISTAKES = {
     "exclude: [{threads: {gee: 2}}]": "a.yaml:4 exclude[0].threads.gee: unknown key: did you mean 'ge'?",
     "exclude: [{engine: {ge: 2}}]": "a.yaml:4 exclude[0].engine: bounds are for numbers",
     "exclude: [{threads: {ge: two}}]": "a.yaml:4 exclude[0].threads.ge = 'two': must be a number in",
-    "extend: [{set: {threads: 2}}]": "a.yaml:4 extend[0]: both 'where' and 'set' are expected",
+    "extend: [{set: {threads: 2}}]": "a.yaml:4 extend[0].where: is missing",
     "order: {policy: abab}": "a.yaml:4 order.policy: unknown key: known: seed",
     "checkpoints: {ratio: 1}": "a.yaml:4 checkpoints.ratio = 1: must be a number in [1.01, 1024]",
     "checkpoints: {ratio: .inf}": "a.yaml:4 checkpoints.ratio = inf: must be a number in [1.01, 1024]",

@@ -44,6 +44,12 @@ def test_a_command_names_a_shipped_scene_by_its_name_and_others_by_path(tmp_path
     assert own.cells[0].command(4).startswith(f"raybench render {tmp_path / 'ball.yaml'} --engine")
 
 
+def test_a_command_allows_imports_where_the_cell_needs_them(tmp_path):
+    plain = sweeping.EXPERIMENT.replace("['fake_engines:Steady', 'fake_engines:Other']", "[numpy]")
+    commands = [planned(tmp_path, text).cells[0].command(4) for text in (sweeping.EXPERIMENT, plain)]
+    assert ["--allow-imports" in command for command in commands] == [True, False], commands
+
+
 def test_numbers_have_one_spelling():
     assert canonical_json({"b": 1.0, "a": [1e-3, 2]}) == '{"a":[0.001,2],"b":1}'
     assert digest({"x": 1e-3}) == digest({"x": 0.001}) == digest({"x": 1.0e-3})

@@ -134,13 +134,13 @@ def compare(analysis: Analysis, family: Family, one: str, other: str, measure: M
 
 def _race(analysis: Analysis, family: Family, names: Sequence[str], pairs: Sequence[tuple[int, int]], measure: Measure) -> Race:
     floor = analysis.floor(family.scene) if measure.floor is None else measure.floor
-    members = [family.members[name] for name in names]
+    margin, members = analysis.results.config.same_within, [family.members[name] for name in names]
     own = [measure.values(member) for member in members]
     kinds = np.array([measure.kind(member) for member in members]) if measure.kind else np.empty(0)
     if len(set(kinds)) < 2:
-        return race_of(own, pairs, floor)
+        return race_of(own, pairs, floor, margin)
     readings = [[reading(member) for member in members] for reading in measure.readings]
-    return race_of(own, pairs, floor, readings, kinds[:, None] != kinds)
+    return race_of(own, pairs, floor, margin, readings, kinds[:, None] != kinds)
 
 
 def ranking(family: Family, measure: Measure = SPEEDS) -> list[str]:

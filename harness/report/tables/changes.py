@@ -13,9 +13,8 @@ from typing import Any, NamedTuple
 from engines.errors import ConfigError
 from harness.analysis import analyse, seconds_per_sample
 from harness.analysis.columns import Column, Table
-from harness.analysis.equivalence import Replicates, common_spp, margins_of
+from harness.analysis.equivalence import Replicates, common_spp
 from harness.analysis.model import FLAGS, OF_THE_TIME
-from harness.analysis.races import margin
 from harness.metrics import metric_title
 from harness.statistics import Change, Equivalence, Estimate, change_of_errors, change_of_times, equivalence, judge_changes
 from harness.statistics.equivalence import shared_alpha
@@ -53,7 +52,7 @@ def changes(before: Sequence[Results], after: Sequence[Results], threshold: floa
     Raises `ConfigError` where one measurement stands in two folders of a side.
     """
     _sessions_differ(before, after)
-    same_within = margin(after[0])
+    same_within = after[0].config.same_within
     ours, theirs = _by_key(before, after)
     table = _table(before, after, same_within, threshold)
     moved = _moved(before, after)
@@ -278,4 +277,4 @@ def _same_image(old: Sessions, new: Sessions, comparisons: int) -> Equivalence |
     if len(shared) < 2 or ours[shared[0]].shape != theirs[shared[0]].shape:
         return None
     pairs = [ours[block] for block in shared], [theirs[block] for block in shared]
-    return equivalence(*pairs, margins_of(after), shared_alpha(comparisons))
+    return equivalence(*pairs, after.config.equivalence.margins, shared_alpha(comparisons))

@@ -7,7 +7,7 @@ from typing import Any
 
 from harness.analysis import Analysis, Verdict
 from harness.analysis.columns import Column, Table
-from harness.analysis.equivalence import bound, margins_of, rests_on
+from harness.analysis.equivalence import bound, rests_on
 from harness.analysis.model import bias_sizes
 from harness.check_results import worst_per_check
 from harness.statistics import Equivalence, Estimate
@@ -122,7 +122,7 @@ def equivalence(analysis: Analysis) -> Table:
 
 
 def _margins(analysis: Analysis) -> str:
-    image, tile = margins_of(analysis.results)
+    image, tile = analysis.results.config.equivalence.margins
     return (
         f"Equivalent: the image means differ by at most {100 * image:g} % and no tile of 16x16 pixels by more than "
         f"{100 * tile:g} %."
