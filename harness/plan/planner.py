@@ -1,7 +1,6 @@
 """From an experiment to cells: the spec of each, its id, and what cannot be done.
 
-A configuration is one combination of settings; a cell is a configuration in one block, under that block's seed. All
-engines and scenes are loaded here once, so that every mistake in a name is found before anything runs.
+All engines and scenes are loaded here once, so that every mistake in a name is found before anything runs.
 """
 
 from __future__ import annotations
