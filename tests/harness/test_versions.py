@@ -85,7 +85,7 @@ def test_a_filter_finds_an_engine_by_its_name_alone(two, tmp_path):
 def test_the_command_of_a_cell_names_the_environment(two, tmp_path, monkeypatch):
     monkeypatch.chdir(two)
     (command, *_) = {cell.command(1) for cell in planned(experiment(tmp_path, two / "old")).cells}
-    assert f"--engine {ENGINE}@old " in command and command.endswith("--allow-commands")
+    assert f"--engine {ENGINE}@old " in command and command.endswith("--allow-commands --allow-imports")
 
 
 @pytest.mark.parametrize(
