@@ -63,7 +63,7 @@ def _is_nothing(factor: Color | Number | None) -> bool:
 
 
 def transmits(bsdf: Bsdf) -> bool:
-    """Whether a model to which wrappers lead lets light through, whatever its textures say; masks are no models."""
+    """Whether any leaf of the tree can transmit light, whatever the values of its textures. Masks do not count."""
     return any(leaf is not None and _transmits(leaf) for leaf in leaves(bsdf))
 
 
