@@ -45,8 +45,8 @@ class Channel:
     """One end of a pair of sockets. Messages may be sent from any thread; one thread at a time receives."""
 
     def __init__(self, connection: socket.socket, most_bytes: int | None = None, exits: bool = False) -> None:
-        """`most_bytes` is the size of the largest message that is received; None: any. With `exits` this process ends where
-        the other end has gone, in place of `Closed`."""
+        """`most_bytes`: the most that a received message and its buffers may have; None: any. With `exits` this process ends
+        where the other end has gone, in place of `Closed`."""
         self.socket, self._most_bytes, self._exits = connection, most_bytes, exits
         self._sending = threading.Lock()
         self._poll = select.poll()
@@ -82,6 +82,8 @@ class Channel:
             start = self._exactly(min(size, _SHOWN), pause)
             raise BadMessage(f"it sent a message of more than {self._most_bytes >> 20} MiB: {excerpt(start)}")
         beside = [_SIZE.unpack(self._exactly(_SIZE.size, pause))[0] for _ in range(count)]
+        if self._most_bytes is not None and size + sum(beside) > self._most_bytes:
+            raise BadMessage(f"it sent a message and buffers of more than {self._most_bytes >> 20} MiB together")
         return Message(self._exactly(size, pause), [self._exactly(each, pause) for each in beside])
 
     def receive_descriptor(self, pause: Pause | None = None) -> int:
@@ -91,6 +93,7 @@ class Channel:
             descriptors = socket.recv_fds(self.socket, 1, 1)[1]
             if not descriptors:
                 raise EOFError
+        os.set_inheritable(descriptors[0], False)
         return descriptors[0]
 
     def _exactly(self, size: int, pause: Pause | None, start: bytes = b"") -> bytearray:

@@ -58,12 +58,17 @@ def loaded(data: bytes | bytearray, beside: Sequence[bytearray]) -> Any:
 
 class _Pickler(pickle.Pickler):
     def reducer_override(self, obj: Any) -> Any:
-        if type(obj) is np.ndarray and not obj.dtype.hasobject:
+        if type(obj) is np.ndarray and _plain(obj.dtype):
             flat: Any = np.ascontiguousarray(obj).reshape(-1).view(np.uint8)
             return _array, (pickle.PickleBuffer(flat), obj.dtype.str, obj.shape, obj.flags.writeable)
-        if isinstance(obj, np.generic) and not obj.dtype.hasobject:
+        if isinstance(obj, np.generic) and _plain(obj.dtype):
             return _number, (obj.dtype.str, obj.tobytes())
         return NotImplemented
+
+
+def _plain(dtype: np.dtype[Any]) -> bool:
+    """Whether `dtype.str` says all of it: that of a type with fields gives its size alone."""
+    return not dtype.hasobject and dtype.kind != "V"
 
 
 def _array(data: Any, dtype: str, shape: tuple[int, ...], writeable: bool) -> NDArray[Any]:

@@ -57,7 +57,7 @@ class Filter:
     where: str
 
     def matches(self, combination: Combination) -> bool:
-        """Whether all conditions do."""
+        """Whether the combination meets every condition."""
         return all(condition(getattr(combination, key)) for key, condition in self.conditions.items())
 
 

@@ -152,7 +152,7 @@ def _without_policy(top: Located) -> tuple[Located, list[str]]:
     policy = order.value.get("policy") if order is not None and isinstance(order.value, dict) else None
     if order is None or policy is None or policy.value != "blocks":
         return top, []
-    seed = replace(order, value={key: node for key, node in order.value.items() if key != "policy"})
+    seed = replace(order, value={name: node for name, node in order.value.items() if name != "policy"})
     warning = f"{policy.where} is no longer needed: cells always run in blocks"
     return replace(top, value={**top.value, "order": seed}), [warning]
 

@@ -98,6 +98,9 @@ class Worker:
             self.imported = self.receive(monotonic() + IMPORT_TIMEOUT_SECONDS, Imported)
         except WorkerTimeout:
             raise WorkerFailed(f"engine {engine!r}: not imported within {IMPORT_TIMEOUT_SECONDS:g} s") from None
+        except BaseException:  # Ctrl-C: no pool knows of this worker yet
+            self.kill()
+            raise
         self.busy, self._forks = False, self.imported.forks
 
     def ask(self, request: Job | Go) -> None:

@@ -77,11 +77,13 @@ def in_child(engine: Any, job: Job, parent: Parent) -> int:
     """Serves a job in a forked child; the exit status, negative for a signal."""
     from engines.processes.child import die_with_parent
 
+    worker = os.getpid()
     child = os.fork()
     if child == 0:
-        die_with_parent()
         try:
-            serve(engine, job, parent)
+            die_with_parent()
+            if os.getppid() == worker:  # else it had gone before it was asked for
+                serve(engine, job, parent)
         finally:
             os._exit(0)
     return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])

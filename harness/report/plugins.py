@@ -95,14 +95,18 @@ def _registered(kind: str, name: str) -> Any:
 
 
 def make(plugins: Iterable[Plugin], analysis: Analysis, folder: Path) -> Made:
-    """Calls each with its DataFrame; writes figures into `folder`/plots and tables into `folder`/tables. What a plugin raises,
-    and a result that is no figure or DataFrame, becomes a problem."""
+    """Calls each with its DataFrame; writes figures into `folder`/plots and tables into `folder`/tables, where those of
+    earlier plugins are removed first. What a plugin raises, and a result that is no figure or DataFrame, becomes a problem."""
     made = Made()
+    taken: set[tuple[str, str]] = set()
     for old in (folder / "tables").glob(f"{PREFIX}*"):
         old.unlink()
     for each in plugins:
         source = FRAMES[each.frame](analysis)
         try:
+            if (each.kind, each.stem) in taken:
+                raise ConfigError(f"another {each.kind} is called {each.stem}")
+            taken.add((each.kind, each.stem))
             if each.kind == "plot":
                 made.pictures.append(_picture(each, source.frame, folder / "plots"))
             else:

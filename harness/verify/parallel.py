@@ -108,10 +108,11 @@ class FinishedJob(NamedTuple):
 
 def describe_engines(specs: Sequence[str]) -> list[EngineInfo]:
     """What these engines have, each reported by a process of its own; one that dies or fails has a `problem`."""
-    workers = [_Worker() for _ in specs]
+    workers: list[_Worker] = []
     try:
-        for worker, spec in zip(workers, specs, strict=True):
-            worker.ask(Describe(spec))
+        for spec in specs:
+            workers.append(_Worker())
+            workers[-1].ask(Describe(spec))
         return [worker.receive_info(spec) for worker, spec in zip(workers, specs, strict=True)]
     finally:
         for worker in workers:

@@ -3,6 +3,7 @@
 import os
 import signal
 import socket
+import struct
 import subprocess
 import sys
 import threading
@@ -62,15 +63,15 @@ def ends():
 
 def test_arrays_numbers_and_descriptors_go_through(ends, tmp_path):
     ours, theirs = ends
-    large = np.arange(20_000.0)
+    large, fields = np.arange(20_000.0), np.zeros(3, [("a", "f4"), ("b", "i4")])
     with (tmp_path / "file").open("w+b") as file:
         file.write(b"shared")
         file.flush()
-        pickled.send(ours, {"large": large, "one": np.float32(1.5)}, file.fileno())
+        pickled.send(ours, {"large": large, "one": np.float32(1.5), "fields": fields}, file.fileno())
     found = pickled.receive(theirs)
-    assert np.array_equal(found["large"], large) and found["one"] == 1.5
+    assert np.array_equal(found["large"], large) and found["one"] == 1.5 and found["fields"].dtype == fields.dtype
     descriptor = theirs.receive_descriptor()
-    assert os.pread(descriptor, 9, 0) == b"shared"
+    assert os.pread(descriptor, 9, 0) == b"shared" and not os.get_inheritable(descriptor)
     os.close(descriptor)
 
 
@@ -98,6 +99,7 @@ def test_a_message_that_does_not_come_to_its_end_is_waited_for_until_the_deadlin
         (b"r\n", "it wrote 'r' where messages are sent"),
         (b"\xff" * 4096, "engines may print to stdout only"),
         (framed(b"x" * (MIB + 1))[:4096], "it sent a message of more than 1 MiB: 'xxx"),
+        (HEAD.pack(MARK, 1, 0) + struct.pack("<Q", 1 << 60), "buffers of more than 1 MiB together"),
         (HEAD.pack(MARK, 1 << 31, 80) + b"x" * 80, "it sent a message of more than 1 MiB"),
     ],
 )

@@ -23,7 +23,7 @@ def environments_lack(scene: Scene, who: str) -> str | None:
 
 
 def mixture_lacks(part: Mixture) -> str | None:
-    """Why a renderer cannot represent a mixture that has only glass, diffuse, mirrors, and blends of the last two; else None."""
+    """Why a renderer cannot represent a mixture that has only glass, diffuse, mirrors and blends of the two; else None."""
     diffuse, mirror, glass = (largest(weights) > 0.0 for weights in (part.kd, part.ks, part.kt))
     if glass and not (part.fresnel and not diffuse):
         return "refraction without Fresnel's equations, or beside a diffuse lobe"

@@ -100,7 +100,7 @@ class Process:
             ending = self._process.ended(_LAST_SECONDS)
             self._process.kill()
             raise RendererFailed(f"{self._name}: its process {ending}") from None
-        except processes.BadMessage as error:
+        except (processes.BadMessage, pickled.Unreadable) as error:
             raise RendererFailed(f"{self._name}: its process was ended: {error}") from None
         if isinstance(answer, Done):
             return answer.result

@@ -1,9 +1,9 @@
 // Plots: Plotly draws what is seen. Its code lies in the page, deflated, and is read when the first plot is drawn.
 
 const NARROW = 700; // Below this many pixels the legend stands beneath the plot.
-const SUBPLOT = 250; // No subplot is narrower, but where there is one a row.
-const LONG_NAME = 18; // Letters of a name that gets two lines there.
-const PRINTED = 660;
+const SUBPLOT = 250; // Subplots stand side by side only while each has this many pixels.
+const LONG_NAME = 18; // Names of this many letters or more are broken into two lines.
+const PRINTED = 660; // Width in pixels of a plot on paper.
 const CONFIG = {
   displaylogo: false,
   modeBarButtons: [["zoom2d", "pan2d", "zoomIn2d", "zoomOut2d", "resetScale2d"], ["toImage"]],
