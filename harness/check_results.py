@@ -85,5 +85,4 @@ def _worst_ulp(result: CheckResult) -> float:
 
 def _share_of_tolerance(result: CheckResult) -> float:
     """Error over tolerance; the error itself where there is no tolerance."""
-    share = result.error / result.tolerance if result.tolerance > 0 else result.error
-    return -share if result.unit == "p" else share
+    return result.error / result.tolerance if result.tolerance > 0 else result.error

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.verify.tolerances import Tolerance
+
 if TYPE_CHECKING:
     from harness.verify.subject import Subject
 
@@ -39,7 +41,8 @@ Check = Callable[["Subject"], Iterable[Measurement]]
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """`description` is one sentence, `source` the publication or program that the case comes from.
+    """`description` is one sentence, `source` the publication or program that the case comes from, `tolerance` what its
+    measurements are compared with.
 
     With `each_accelerator` the case runs once with every accelerator of an engine, otherwise with `auto`. A quick run leaves
     out `full_only` cases.
@@ -48,6 +51,7 @@ class Case:
     id: str
     section: str
     description: str
+    tolerance: Tolerance
     source: str
     check: Check
     each_accelerator: bool
@@ -62,11 +66,13 @@ class Section:
     cases: list[Case] = field(default_factory=list)
     each_accelerator: bool = False
 
-    def case(self, id: str, description: str, source: str, full_only: bool = False) -> Callable[[Check], Check]:
+    def case(
+        self, id: str, description: str, tolerance: Tolerance, source: str = "raybench", full_only: bool = False
+    ) -> Callable[[Check], Check]:
         """Registers the decorated function as the check of a case."""
 
         def add(check: Check) -> Check:
-            self.cases.append(Case(id, self.name, description, source, check, self.each_accelerator, full_only))
+            self.cases.append(Case(id, self.name, description, tolerance, source, check, self.each_accelerator, full_only))
             return check
 
         return add

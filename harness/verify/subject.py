@@ -114,6 +114,12 @@ class Subject:
         seen = film.mean()[:, :, 0]
         return np.full_like(seen, np.inf) if film.bad_samples else seen
 
+    def radiance(
+        self, shapes: Sequence[Shape], materials: Sequence[Material], lights: Sequence[Light], view: Any, shader: Any
+    ) -> float:
+        """The red channel of the first pixel of an image, by one ray through its centre."""
+        return float(self.image(shapes, materials, lights, view, shader, sampler="constant")[0, 0])
+
 
 def accelerator_names(engine: Engine) -> list[str]:
     """The names of the accelerators without `auto`; `auto` where there is no other."""

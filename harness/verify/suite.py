@@ -34,7 +34,7 @@ from harness.verify.checks import (
     triangles,
 )
 from harness.verify.subject import Skipped, Subject, accelerator_names, precisions
-from harness.verify.tolerances import ENGINE_TOLERANCES, TOLERANCES, Tolerance
+from harness.verify.tolerances import ENGINE_TOLERANCES, Tolerance
 
 SECTIONS = (
     spheres.SECTION,
@@ -115,13 +115,11 @@ def failure(case: Case, subject: Subject, note: str, seconds: float = 0.0) -> Ch
 
 
 def _error(tolerance: Tolerance, errors: Any) -> float:
-    """The one number of a measurement: the sum for `wrong`, the smallest p value for `p`, else the largest error."""
+    """The one number of a measurement: the sum for `wrong`, else the largest error."""
     if errors.size == 0:
         return float("nan")
     if tolerance.unit == "wrong":
         return float(np.where(np.isnan(errors), 1.0, errors).sum())
-    if tolerance.unit == "p":
-        return float(np.min(errors))
     return float(np.max(np.where(np.isnan(errors), np.inf, np.abs(errors))))
 
 
@@ -129,24 +127,22 @@ def _median_error(errors: Any) -> float:
     return float(np.median(np.where(np.isnan(errors), np.inf, np.abs(errors)))) if errors.size else float("nan")
 
 
-def _compared(case: Case, subject: Subject, tolerance: Tolerance, measured: Measurement, error: float) -> tuple[float, Outcome]:
+def _compared(case: Case, subject: Subject, measured: Measurement, error: float) -> tuple[float, Outcome]:
     """(tolerance, outcome). Without a tolerance in this precision the outcome is pass within that of float64, else xfail."""
     own = ENGINE_TOLERANCES.get((subject.engine.name, subject.precision), {})
-    limit = own[case.id] if case.id in own else tolerance.limit(subject.tracing, measured.parameter)
-    wanted = limit if limit is not None else tolerance.limit("float64", measured.parameter)
-    if wanted is None:
+    limit = own[case.id] if case.id in own else case.tolerance.limit(subject.tracing, measured.parameter)
+    bound = limit if limit is not None else case.tolerance.limit("float64", measured.parameter)
+    if bound is None:
         raise KeyError(f"case {case.id}: no tolerance for {measured.parameter!r}")
-    good = error >= wanted if tolerance.unit == "p" else error <= wanted
     if limit is None:
-        return float("nan"), PASS if good else XFAIL
-    return float(limit), PASS if good else FAIL
+        return float("nan"), PASS if error <= bound else XFAIL
+    return float(limit), PASS if error <= bound else FAIL
 
 
 def _result(case: Case, subject: Subject, measured: Measurement, outcome: Outcome | None, seconds: float) -> CheckResult:
-    tolerance = TOLERANCES[case.id]
-    error, limit = _error(tolerance, measured.errors), float("nan")
+    error, limit = _error(case.tolerance, measured.errors), float("nan")
     if outcome is None:
-        limit, outcome = _compared(case, subject, tolerance, measured, error)
+        limit, outcome = _compared(case, subject, measured, error)
     ulps = measured.ulps if measured.ulps is not None else np.full(1, np.nan)
     median, p999, worst = (float(np.quantile(ulps, q, method="higher")) for q in (0.5, 0.999, 1.0))
     return CheckResult(
@@ -162,7 +158,7 @@ def _result(case: Case, subject: Subject, measured: Measurement, outcome: Outcom
         parameter=measured.parameter,
         count=measured.errors.size,
         error=error,
-        unit=tolerance.unit,
+        unit=case.tolerance.unit,
         tolerance=limit,
         outcome=outcome,
         median_ulp=median,

@@ -18,6 +18,7 @@ from harness.verify.case import Array, Measurement, Section, measurement
 from harness.verify.replicates import means, z_score
 from harness.verify.scenes import FLOOR, ORIGIN, material, mesh, path_tracer, point_view, scene, sphere
 from harness.verify.subject import Subject
+from harness.verify.tolerances import Tolerance, Z
 
 SECTION = Section("sampling")
 SAMPLERS = ("random", "stratified", "halton", "sobol")
@@ -70,7 +71,7 @@ def _edges(subject: Subject) -> Integrands:
     )
 
 
-@SECTION.case("q.mean", "The mean of every sampler is the integral.", "raybench")
+@SECTION.case("q.mean", "The mean of every sampler is the integral.", Z)
 def average(subject: Subject) -> Iterator[Measurement]:
     emitter = sphere((1.0, math.sqrt(3.0), 0.0), 1.0, 1)
     truth = 0.9 / math.pi * forms.sphere(1.0, 2.0, math.pi / 6)
@@ -87,12 +88,19 @@ def _chosen(sampler: str, spp: int) -> Any:
     return {"name": sampler, "strata": spp} if sampler == "stratified" else sampler
 
 
-@SECTION.case("q.slope", "For a smooth integrand the error falls at the rate of the sampler.", "Owen 1997")
+@SECTION.case(
+    "q.slope",
+    "For a smooth integrand the error falls at the rate of the sampler.",
+    Tolerance("absolute", 0.15, 0.15),
+    "Owen 1997",
+)
 def smooth_slopes(subject: Subject) -> Iterator[Measurement]:
     yield from _slopes(subject, _smooth())
 
 
-@SECTION.case("q.edge", "For an edge the error falls at the rate of the sampler.", "Mitchell 1996")
+@SECTION.case(
+    "q.edge", "For an edge the error falls at the rate of the sampler.", Tolerance("absolute", 0.15, 0.15), "Mitchell 1996"
+)
 def edge_slopes(subject: Subject) -> Iterator[Measurement]:
     yield from _slopes(subject, _edges(subject))
 

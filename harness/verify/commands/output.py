@@ -19,7 +19,7 @@ from harness.report.tables import Column, Table
 from harness.report.tables.model import csv_text, latex_text, number_text
 from harness.store.atomic import write_text
 from harness.verify.results_file import document
-from harness.verify.tolerances import TOLERANCES
+from harness.verify.suite import CASES
 
 if TYPE_CHECKING:
     from harness.report.plots import Picture
@@ -32,8 +32,8 @@ COLUMNS = [
     Column("accelerator", "Accelerator."),
     Column("parameter", "What was varied."),
     Column("error", "The error measured: the largest of `count`, for `wrong` the sum.", "number"),
-    Column("unit", "Unit of error and tolerance: relative, absolute, eps, eps/cos, wrong, z or p."),
-    Column("tolerance", "The largest error that passes (for p the smallest); empty where the precision has none.", "number"),
+    Column("unit", "Unit of error and tolerance: relative, absolute, eps, eps/cos, wrong or z."),
+    Column("tolerance", "The largest error that passes; empty where the precision has none.", "number"),
     Column("median_error", "The median error, in the same unit.", "number"),
     Column("outcome", "pass, fail, xfail (no tolerance in this precision) or skip (refused by why_not)."),
     Column("median_ulp", "Median error in ulp of the tracing precision.", "number", "median ulp"),
@@ -178,7 +178,7 @@ def page(results: Sequence[CheckResult], quick: bool, plots: Sequence[Picture] =
         matrix=matrix,
         counts=counts(results),
         quick=quick,
-        tolerances=TOLERANCES,
+        whys={case.id: case.tolerance.why for case in CASES},
         outcomes=OUTCOMES,
         number=number_text,
         tolerance_text=tolerance_text,
