@@ -96,19 +96,6 @@ def render(request: Request) -> Film:
     return film
 
 
-def parameters_of(given: Sequence[str]) -> dict[str, str]:
-    """Values of parameters by their names, from `name=value`."""
-    found: dict[str, str] = {}
-    for text in given:
-        name, equals, value = text.partition("=")
-        if not (name.isidentifier() and equals):
-            raise ConfigError(f"-D {text}: must look like name=value")
-        if name in found:
-            raise ConfigError(f"-D {text}: {name} is given twice")
-        found[name] = value
-    return found
-
-
 def _tone_mapper(name: str, allow_imports: bool) -> ToneMapper:
     """The tone mapper of a name or of `module:attribute`, after a pixel has shown that it works."""
     if ":" not in name:

@@ -141,16 +141,8 @@ class Viewer {
     if (!this.drawn.has(index)) {
       const { width, height, radiance, epsilon } = this.group;
       const canvas = new OffscreenCanvas(width, height);
-      const context = canvas.getContext("2d");
-      const image = context.createImageData(width, height);
-      const gain = 2 ** this.exposure;
       const [view, second] = this.view === "difference" ? ["signed", radiance[this.other]] : [this.view, this.reference];
-      for (let i = 0, o = 0; i < radiance[index].length; i += 3, o += 4) {
-        const colour = viewPixel(view, radiance[index], second, i, gain, epsilon, this.data.maps);
-        image.data.set(colour, o);
-        image.data[o + 3] = 255;
-      }
-      context.putImageData(image, 0, 0);
+      paintView(canvas, view, radiance[index], second, 2 ** this.exposure, epsilon, this.data.maps);
       this.drawn.set(index, canvas);
     }
     return this.drawn.get(index);
@@ -189,16 +181,29 @@ class Viewer {
     context.beginPath();
     context.rect(left, top, width, height);
     context.clip();
-    const { zoom, x, y } = this;
-    context.drawImage(this.bitmap(index), left + x * width, top + y * height, this.group.width * zoom, this.group.height * zoom);
+    this.drawBitmap(index, left, top, width, height);
     const minus = this.view === "difference" ? ` minus ${this.nameOf(this.other)}` : "";
     const label = this.label(index) + minus;
-    context.font = "13px system-ui, sans-serif";
-    context.fillStyle = "rgba(0, 0, 0, 0.6)";
-    context.fillRect(left, top, Math.min(context.measureText(label).width + 12, width), 22);
-    context.fillStyle = "#fff";
-    context.fillText(label, left + 6, top + 15);
+    this.drawLabel(label, left, top, Math.min(this.widthOf(label), width));
     context.restore();
+  }
+
+  // A picture under zoom and pan in the area that begins at (left, top).
+  drawBitmap(index, left, top, width, height) {
+    const { zoom, x, y } = this;
+    this.context.drawImage(this.bitmap(index), left + x * width, top + y * height, this.group.width * zoom, this.group.height * zoom);
+  }
+
+  widthOf(label) {
+    this.context.font = "13px system-ui, sans-serif";
+    return this.context.measureText(label).width + 12;
+  }
+
+  drawLabel(label, left, top, width) {
+    this.context.fillStyle = "rgba(0, 0, 0, 0.6)";
+    this.context.fillRect(left, top, width, 22);
+    this.context.fillStyle = "#fff";
+    this.context.fillText(label, left + 6, top + 15);
   }
 
   label(place) {
@@ -236,15 +241,11 @@ class Viewer {
     context.beginPath();
     context.rect(edge, 0, width - edge, height);
     context.clip();
-    context.drawImage(this.bitmap(this.other), this.x * width, this.y * height, this.group.width * this.zoom, this.group.height * this.zoom);
+    this.drawBitmap(this.other, 0, 0, width, height);
     context.restore();
     const label = this.label(this.other);
-    context.font = "13px system-ui, sans-serif";
-    const wide = context.measureText(label).width + 12;
-    context.fillStyle = "rgba(0, 0, 0, 0.6)";
-    context.fillRect(width - wide, 0, wide, 22);
-    context.fillStyle = "#fff";
-    context.fillText(label, width - wide + 6, 15);
+    const wide = this.widthOf(label);
+    this.drawLabel(label, width - wide, 0, wide);
     context.fillRect(edge - 1, 0, 2, height);
   }
 
@@ -334,9 +335,7 @@ class Viewer {
       place.textContent = "There is no reference to compare with.";
       return;
     }
-    const bar = document.createElement("i");
-    bar.style.background = `linear-gradient(to right, ${this.data.maps[words[0]].map((c) => `rgb(${c})`).join(",")})`;
-    place.append(bar, words[1]);
+    place.append(colourBar(this.data.maps[words[0]]), words[1]);
   }
 
   writePixel() {

@@ -1,6 +1,6 @@
 // Mouse, touch and keyboard input on the image: orbit, pan and zoom of the camera, dragging of objects, the pixel probe.
 
-import { throttled } from "./socket.js";
+import { ARROWS, pointerPosition, throttled } from "./socket.js";
 
 const ORBIT_SPEED = 0.006; // radians per pixel of the screen
 const ORBIT_STEP = 0.09; // radians per key press
@@ -35,8 +35,7 @@ export class ImageInput {
 
   // The position of a pointer in pixels of the image.
   position(event) {
-    const box = this.canvas.getBoundingClientRect();
-    return { x: ((event.clientX - box.left) / box.width) * this.canvas.width, y: ((event.clientY - box.top) / box.height) * this.canvas.height };
+    return pointerPosition(this.canvas, event);
   }
 
   // Handles of point and spot lights. They are buttons, so that they take the keyboard focus.
@@ -202,8 +201,7 @@ export class ImageInput {
 
   key(event) {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
-    const arrows = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
-    if (arrows[event.key]) this.arrow(...arrows[event.key], event.shiftKey);
+    if (ARROWS[event.key]) this.arrow(...ARROWS[event.key], event.shiftKey);
     else if (event.key === "+" || event.key === "=") this.zoom(0.9);
     else if (event.key === "-") this.zoom(1 / 0.9);
     else if (event.key === "o") this.choose(this.chooser.options[(this.chooser.selectedIndex + 1) % this.chooser.options.length].value);
