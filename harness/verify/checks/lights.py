@@ -174,7 +174,7 @@ def _wall(height: float) -> Mesh:
 @SECTION.case("h", "The mean irradiance of a receiver is the form factor, for squares and discs.", Z, "Howell's catalogue")
 def form_factors(subject: Subject) -> Iterator[Measurement]:
     """A receiver below the camera, its plane `gap` away from what faces it, fills a `share` of the image."""
-    cases: dict[str, list[tuple[str, list[Shape], float, float, float]]] = {"facing": [], "edge": [], "discs": []}
+    cases: dict[str, list[tuple[str, Sequence[Shape], float, float, float]]] = {"facing": [], "edge": [], "discs": []}
     for gap in (1.0, 0.5, 2.0):
         factor = forms.parallel_rectangles(1 / gap, 1 / gap)
         cases["facing"].append((f"squares at {gap}", [square(0.0), square(gap, 0.5, 1, down=True)], gap, 1.0, factor))
