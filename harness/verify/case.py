@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -36,7 +36,7 @@ def measurement(errors: Any, parameter: str = "", ulps: Array | None = None, not
     return Measurement(np.atleast_1d(np.asarray(errors, np.float64)), parameter, ulps, note)
 
 
-Check = Callable[["Subject"], Iterable[Measurement]]
+CheckFunction = Callable[["Subject"], Iterable[Measurement]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,9 +53,13 @@ class Case:
     description: str
     tolerance: Tolerance
     source: str
-    check: Check
+    check: CheckFunction
     each_accelerator: bool
     full_only: bool
+
+    def accelerators(self, names: Sequence[str]) -> Sequence[str]:
+        """Those of an engine's accelerators that it runs with."""
+        return names if self.each_accelerator else ["auto"]
 
 
 @dataclass
@@ -68,10 +72,10 @@ class Section:
 
     def case(
         self, id: str, description: str, tolerance: Tolerance, source: str = "raybench", full_only: bool = False
-    ) -> Callable[[Check], Check]:
+    ) -> Callable[[CheckFunction], CheckFunction]:
         """Registers the decorated function as the check of a case."""
 
-        def add(check: Check) -> Check:
+        def add(check: CheckFunction) -> CheckFunction:
             self.cases.append(Case(id, self.name, description, tolerance, source, check, self.each_accelerator, full_only))
             return check
 

@@ -27,7 +27,7 @@ from harness.check_results import CheckResult
 from harness.processes import python_path
 from harness.verify.case import Case
 from harness.verify.subject import Skipped, Subject, accelerator_names, precisions
-from harness.verify.suite import CASES, failure, run_case
+from harness.verify.suite import CASES, case_of, failure, run_case
 from harness.verify.tolerances import tracing_precision
 
 T = TypeVar("T")
@@ -83,7 +83,7 @@ class RunningJob:
         case, accelerator = self.job.checks[len(self.results)]
         name, version = self.job.engine.name, self.job.engine.version
         engine: Any = SimpleNamespace(name=name, version=version, tracing_precision=self.job.tracing)
-        self.results.append([failure(_case(case), Subject(engine, self.job.precision, accelerator, self.job.quick), note)])
+        self.results.append([failure(case_of(case), Subject(engine, self.job.precision, accelerator, self.job.quick), note)])
 
 
 class FinishedJob(NamedTuple):
@@ -115,7 +115,7 @@ def make_jobs(engines: Sequence[EngineInfo], quick: bool, cases: Sequence[Case] 
                     (case.id, accelerator)
                     for case in chosen
                     if case.section == section
-                    for accelerator in (engine.accelerators if case.each_accelerator else ["auto"])
+                    for accelerator in case.accelerators(engine.accelerators)
                 ]
                 jobs.append(Job(engine, precision, tracing, section, quick, tuple(checks)))
     return jobs
@@ -195,10 +195,6 @@ class _Died(Exception):
     """A worker process has ended; says how."""
 
 
-def _case(id: str) -> Case:
-    return next(case for case in CASES if case.id == id)
-
-
 # ---- in a worker process ---------------------------------------------------------------------------------------------
 
 
@@ -216,7 +212,7 @@ def serve(descriptors: Sequence[int], arguments: Sequence[str]) -> None:
 
 def _check(job: Job, case: str, accelerator: str) -> list[CheckResult]:
     subject = Subject(_engine(job.engine.spec), job.precision, accelerator, job.quick)
-    return list(run_case(_case(case), subject))
+    return list(run_case(case_of(case), subject))
 
 
 def _describe(spec: str) -> EngineInfo:

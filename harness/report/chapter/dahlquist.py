@@ -14,7 +14,16 @@ from harness.analysis import Analysis, seconds_per_sample
 from harness.report.chapter import figures, port_features, port_pictures
 from harness.report.chapter.document import Paragraph, Section, TablePart
 from harness.report.chapter.experiment import each_block, limits, place, verdicts
-from harness.report.chapter.families import Family, accelerator_name, compare, estimate, families_along, ranking, thousands
+from harness.report.chapter.families import (
+    Family,
+    accelerator_name,
+    compare,
+    estimate,
+    families_along,
+    ranking,
+    speedups,
+    thousands,
+)
 from harness.report.chapter.texts import listed
 from harness.report.tables import Column, Table
 from harness.statistics import Estimate, Ratio
@@ -125,6 +134,6 @@ def _gains(analysis: Analysis) -> dict[Contestant, Estimate]:
     """Contestant -> its speed over that of the one with the fewest threads."""
     gains = {}
     for family in families_along(analysis, "threads"):
-        first, *others = sorted(family.members, key=lambda name: family.members[name].settings.threads)
-        gains |= {family.members[one]: Estimate(*compare(analysis, family, one, first)[:4]) for one in others}
+        fewest = min(family.members, key=lambda name: family.members[name].settings.threads)
+        gains |= {family.members[name]: gain for name, gain in speedups(analysis, family, fewest).items()}
     return gains

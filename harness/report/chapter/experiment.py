@@ -18,13 +18,13 @@ from harness.report.chapter.families import (
     HEADINGS,
     Family,
     best,
-    compare,
     demanding,
     estimate,
     families_along,
     identity,
     pixels,
     row_of,
+    speedups,
     thousands,
     usual,
     value_columns,
@@ -200,12 +200,11 @@ def _threads(analysis: Analysis, plots: Path) -> Section | None:
 
 
 def _thread_row(analysis: Analysis, family: Family, names: list[str]) -> dict[str, Any]:
-    row: dict[str, Any] = dict(family.held)
-    for name in names[1:]:
-        if {names[0], name} <= set(family.members):
-            gain = compare(analysis, family, name, names[0])
-            row[name] = Estimate(*gain[:4])
-            row["efficiency"] = gain.ratio * int(names[0].split()[0]) / int(name.split()[0])
+    gains = speedups(analysis, family, names[0])
+    row: dict[str, Any] = {**family.held, **gains}
+    if gains:
+        most = max(gains, key=names.index)
+        row["efficiency"] = gains[most].value * int(names[0].split()[0]) / int(most.split()[0])
     return row
 
 

@@ -50,18 +50,16 @@ class Facts:
     # ---- one configuration -------------------------------------------------------------------------------------------
 
     def _one(self, phrase: str) -> tuple[Analysis, Contestant]:
-        found = [(analysis, one) for analysis, _, one in self._chosen(phrase, self._contestants, lambda each: each[1])]
-        if len(found) == 1:
-            return found[0]
-        raise ConfigError(f"{phrase!r} names {_number([one.name for _, one in found], 'configuration')}: one is expected")
+        chosen = [(analysis, one) for analysis, _, one in self._chosen(phrase, self._contestants, lambda each: each[1])]
+        return _only(chosen, repr(phrase), [one.name for _, one in chosen], "configuration")
 
     def _chosen(self, phrase: str, every: Iterable[T], words_of: Callable[[T], set[str]]) -> list[T]:
         """Those that have all words of the phrase, narrowed by each of the usual words that some of them have."""
         named = {word.strip() for word in phrase.split(",")}
-        found = [one for one in every if named <= words_of(one)]
+        chosen = [one for one in every if named <= words_of(one)]
         for word in self._usual:
-            found = [one for one in found if word in words_of(one)] or found
-        return found
+            chosen = [one for one in chosen if word in words_of(one)] or chosen
+        return chosen
 
     def speed(self, phrase: str) -> Estimate:
         """Thousands of paths per second."""
@@ -110,11 +108,9 @@ class Facts:
 
     def _family(self, phrase: str, *members: str) -> tuple[Analysis, Family]:
         every = [(analysis, family) for analysis, family in self._families if set(members) <= set(family.members)]
-        found = self._chosen(phrase, every, lambda each: set(each[1].held.values()))
-        if len(found) == 1:
-            return found[0]
-        held = [", ".join(family.held.values()) for _, family in found]
-        raise ConfigError(f"{phrase!r} with {' and '.join(members)} names {_number(held, 'comparison')}: one is expected")
+        chosen = self._chosen(phrase, every, lambda each: set(each[1].held.values()))
+        held = [", ".join(family.held.values()) for _, family in chosen]
+        return _only(chosen, f"{phrase!r} with {' and '.join(members)}", held, "comparison")
 
     def _compared(self, phrase: str, one: str, other: str, measuring: Measuring) -> Ratio:
         analysis, family = self._family(phrase, one, other)
@@ -187,6 +183,9 @@ def _phrases(where: Where) -> Sequence[str]:
     return [where] if isinstance(where, str) else where
 
 
-def _number(names: Sequence[str], noun: str) -> str:
+def _only(chosen: Sequence[T], phrase: str, names: Sequence[str], noun: str) -> T:
+    """The one that a phrase names. Raises `ConfigError` with the names where there are none or several."""
+    if len(chosen) == 1:
+        return chosen[0]
     shown = f" ({'; '.join(names[:4])}{'; ...' if len(names) > 4 else ''})" if names else ""
-    return f"{len(names) or 'no'} {noun}s{shown}"
+    raise ConfigError(f"{phrase} names {len(names) or 'no'} {noun}s{shown}: one is expected")

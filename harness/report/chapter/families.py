@@ -129,6 +129,12 @@ def compare(analysis: Analysis, family: Family, one: str, other: str, measure: M
     return _race(analysis, family, names, pairs, measure).ratios[pairs.index(asked)]
 
 
+def speedups(analysis: Analysis, family: Family, over: str) -> dict[str, Estimate]:
+    """By member, how many times as fast it is as the member `over`; nothing where the family lacks that."""
+    others = [name for name in family.members if name != over] if over in family.members else []
+    return {name: Estimate(*compare(analysis, family, name, over)[:4]) for name in others}
+
+
 def _race(analysis: Analysis, family: Family, names: Sequence[str], pairs: Sequence[tuple[int, int]], measure: Measure) -> Race:
     floor = analysis.floor(family.scene) if measure.floor is None else measure.floor
     margin, members = analysis.results.config.same_within, [family.members[name] for name in names]

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from harness.analysis import Analysis, seconds_per_sample
 from harness.report.chapter import measures
 from harness.report.chapter.document import FigurePart
-from harness.report.chapter.families import Family, compare, demanding, estimate, thousands, values
+from harness.report.chapter.families import Family, demanding, estimate, speedups, thousands, values
 from harness.report.chapter.texts import WORST, plural
 from harness.report.plots.chart import FAINT, INK, LINES, MARKERS, Picture
 from harness.report.plots.curves import error_label
@@ -142,14 +142,11 @@ def thread_gains(analysis: Analysis, families: Sequence[Family], names: Sequence
     """Speed-up over the fewest threads with its interval: a row an accelerator and scene, with the shader of most rays."""
     shown = sorted(demanding(families, ("scene", "accelerator")), key=lambda family: family.held["accelerator"])
     fewest, *others = names
+    gains = [speedups(analysis, family, fewest) for family in shown]
     series = [
         Dots(
             name,
-            [
-                (row, Estimate(*compare(analysis, family, name, fewest)[:4]))
-                for row, family in enumerate(shown)
-                if {fewest, name} <= set(family.members)
-            ],
+            [(row, gain[name]) for row, gain in enumerate(gains) if name in gain],
             ideal=int(name.split()[0]) / int(fewest.split()[0]),
         )
         for name in others

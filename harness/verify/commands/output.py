@@ -45,27 +45,14 @@ COLUMNS = [
     Column("source", "Where the case comes from."),
     Column("note", "Further observations, or the reason of a skip or failure."),
 ]
-SHORT = (
-    "case",
-    "engine",
-    "tracing",
-    "accelerator",
-    "parameter",
-    "error",
-    "unit",
-    "tolerance",
-    "outcome",
-    "median_ulp",
-    "p999_ulp",
-    "worst_ulp",
-)
+NOT_IN_LATEX = ("precision", "median_error", "count", "seconds", "description", "source", "note")
 WIDEST, NARROW = 120, 100
 COLOURS = {PASS: "green", XFAIL: "yellow", FAIL: "bold red", SKIP: "dim"}
 
 
-def table(results: Sequence[CheckResult], names: Sequence[str] = ()) -> Table:
-    """All results as a table of the harness; `names` chooses columns."""
-    chosen = [column for column in COLUMNS if not names or column.name in names]
+def table(results: Sequence[CheckResult], without: Sequence[str] = ()) -> Table:
+    """All results as a table of the harness, `without` columns of these names."""
+    chosen = [column for column in COLUMNS if column.name not in without]
     rows = [dict(result) for result in results]
     note = "Errors compared with the tolerances of the precision in which each engine traces."
     return Table("verify", "Accuracy of the engines", note, chosen, rows)
@@ -84,7 +71,7 @@ def write(results: Sequence[CheckResult], folder: Path, quick: bool) -> None:
     texts = {
         "json": json.dumps(document(results, quick), indent=1, allow_nan=False) + "\n",
         "csv": csv_text(table(results)),
-        "tex": latex_text(table(results, SHORT)),
+        "tex": latex_text(table(results, NOT_IN_LATEX)),
         "html": page(results, quick, pictures),
     }
     for suffix, text in texts.items():

@@ -1,6 +1,6 @@
 // The page with Dahlquist's program: its animation, its switches, and spheres that are dragged.
 
-import { ARROWS, WorkerSocket, byId, count, duration, invalidEntry, pointerPosition, showError, showState, throttled } from "./socket.js";
+import { ARROWS, WorkerSocket, byId, count, duration, element, invalidEntry, pointerPosition, showError, showState, throttled } from "./socket.js";
 
 const SWITCHES = ["reflections", "environment", "interlaced", "redraw"];
 const KEYBOARD = 20; // the finger number of the keyboard
@@ -25,10 +25,7 @@ function menu(header) {
   Object.assign(byId("threads"), { max: header.cores, value: header.cores });
   for (const [name, seconds, rays] of header.original) {
     const row = byId("figures").insertRow();
-    const heading = document.createElement("th");
-    heading.scope = "row";
-    heading.textContent = `the original, ${name}`;
-    row.append(heading);
+    row.append(element("th", { scope: "row" }, `the original, ${name}`));
     for (const text of [duration(seconds), count(rays), (1 / seconds).toFixed(1)]) row.insertCell().textContent = text;
   }
   if (matchMedia("(prefers-reduced-motion: reduce)").matches) byId("activity").textContent = "Start animates it";

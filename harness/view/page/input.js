@@ -1,6 +1,6 @@
 // Mouse, touch and keyboard input on the image: orbit, pan and zoom of the camera, dragging of objects, the pixel probe.
 
-import { ARROWS, pointerPosition, throttled } from "./socket.js";
+import { ARROWS, element, pointerPosition, throttled } from "./socket.js";
 
 const ORBIT_SPEED = 0.006; // radians per pixel of the screen
 const ORBIT_STEP = 0.09; // radians per key press
@@ -52,11 +52,9 @@ export class ImageInput {
   }
 
   addHandle(id) {
-    const handle = document.createElement("button");
-    handle.type = "button";
-    handle.className = "handle";
+    const name = this.draggables.find((object) => object.id === id)?.name ?? id;
+    const handle = element("button", { type: "button", className: "handle", ariaLabel: `${name}: arrow keys move it` });
     handle.dataset.id = id;
-    handle.setAttribute("aria-label", `${this.draggables.find((object) => object.id === id)?.name ?? id}: arrow keys move it`);
     handle.addEventListener("focus", () => this.choose(id));
     handle.addEventListener("keydown", (event) => this.key(event));
     handle.addEventListener("pointerdown", (event) => {
@@ -249,8 +247,7 @@ export class ImageInput {
   showCursor() {
     this.overlay.querySelector(".cross")?.remove();
     if (!this.cursor) return;
-    const cross = document.createElement("div");
-    cross.className = "cross";
+    const cross = element("div", { className: "cross" });
     cross.style.left = `${(100 * (this.cursor.x + 0.5)) / this.canvas.width}%`;
     cross.style.top = `${(100 * (this.cursor.y + 0.5)) / this.canvas.height}%`;
     this.overlay.append(cross);

@@ -1,6 +1,6 @@
 // The page with a race: contestants, their images and error maps, and a plot of error over time.
 
-import { WorkerSocket, byId, count, duration, invalidEntry, listItem, showError, showState } from "./socket.js";
+import { WorkerSocket, byId, count, duration, element, invalidEntry, listItem, showError, showState } from "./socket.js";
 import { SettingsForm } from "./settings_form.js";
 import { drawPlot, markName } from "./plot.js";
 
@@ -48,32 +48,20 @@ function contestants(header) {
 }
 
 function contestantBox(name, index) {
-  const box = document.createElement("article");
-  box.className = "contestant";
+  const [image, error] = [canvas(`Image of ${name}`), canvas(`Error map of ${name}`)];
+  const list = element("ul");
+  const box = element(
+    "article", { className: "contestant" },
+    element("h3", {}, `${index + 1} ${name} (${markName(index)})`),
+    element("div", { className: "images" }, captioned(image, "image"), captioned(error, "error")),
+    list,
+  );
   box.style.setProperty("--colour", `var(--contestant-${index + 1})`);
-  const heading = document.createElement("h3");
-  heading.textContent = `${index + 1} ${name} (${markName(index)})`;
-  const images = document.createElement("div");
-  images.className = "images";
-  const [image, imageBox] = picture("image", name);
-  const [error, errorBox] = picture("error", name);
-  images.append(imageBox, errorBox);
-  const list = document.createElement("ul");
-  box.append(heading, images, list);
   return { box, name, image, error, list, points: [], crossings: [] };
 }
 
-function picture(what, name) {
-  const figure = document.createElement("figure");
-  const canvas = document.createElement("canvas");
-  Object.assign(canvas, page.size);
-  canvas.setAttribute("role", "img");
-  canvas.setAttribute("aria-label", what === "image" ? `Image of ${name}` : `Error map of ${name}`);
-  const caption = document.createElement("figcaption");
-  caption.textContent = what;
-  figure.append(canvas, caption);
-  return [canvas, figure];
-}
+const canvas = (ariaLabel) => element("canvas", { ...page.size, role: "img", ariaLabel });
+const captioned = (picture, caption) => element("figure", {}, picture, element("figcaption", {}, caption));
 
 function radianceOf(bytes) {
   const halves = new Uint16Array(bytes);
@@ -148,11 +136,7 @@ function state(header) {
 
 function saved(header) {
   page.saved = header;
-  const link = document.createElement("a");
-  link.href = `reports/${header.name}/report.html`;
-  link.target = "_blank";
-  link.rel = "noopener";
-  link.textContent = "open its report";
+  const link = element("a", { href: `reports/${header.name}/report.html`, target: "_blank", rel: "noopener" }, "open its report");
   byId("saved").replaceChildren(`Saved in ${header.folder}: `, link, `, or raybench report ${header.folder}.`);
 }
 
@@ -160,7 +144,7 @@ function saved(header) {
 
 function addContestant() {
   if (page.settingsForms.length >= MAX_CONTESTANTS) return;
-  const place = document.createElement("div");
+  const place = element("div");
   byId("settings-forms").append(place);
   const [engine, given] = DEFAULTS[page.settingsForms.length];
   const known = page.menu.engines.some((one) => one.name === engine && !one.problem);

@@ -88,18 +88,19 @@ export function duration(seconds) {
 
 // Offers bytes as a download.
 export function download(name, bytes, type) {
-  const link = document.createElement("a");
-  link.href = URL.createObjectURL(new Blob([bytes], { type }));
-  link.download = name;
+  const link = element("a", { href: URL.createObjectURL(new Blob([bytes], { type })), download: name });
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 10000);
 }
 
-export function listItem(text) {
-  const item = document.createElement("li");
-  item.textContent = text;
-  return item;
+// A new element with these properties and children.
+export function element(tag, properties, ...children) {
+  const made = Object.assign(document.createElement(tag), properties);
+  made.append(...children);
+  return made;
 }
+
+export const listItem = (text) => element("li", {}, text);
 
 // The step of an arrow key.
 export const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };

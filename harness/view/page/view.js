@@ -1,6 +1,6 @@
 // The page with one image: controls, the image while it is refined, and the state.
 
-import { WorkerSocket, byId, count, download, duration, invalidEntry, showError, showState } from "./socket.js";
+import { WorkerSocket, byId, count, download, duration, element, invalidEntry, showError, showState } from "./socket.js";
 import { drawHistogram, drawNote } from "./histogram.js";
 import { Orbit } from "./orbit.js";
 import { SettingsForm } from "./settings_form.js";
@@ -173,7 +173,7 @@ function reference(header) {
 }
 
 function writeScale(header) {
-  byId("scale").replaceChildren(document.createElement("i"),
+  byId("scale").replaceChildren(element("i"),
     `relative squared error, 1e-5 to 1, logarithmic; mean (relMSE, ε = ${header.epsilon}) ${header.error.toPrecision(3)}, ` +
     `the noise of the reference included`);
 }
