@@ -61,8 +61,8 @@ def command(group: str, cls: type[Command] = Command, name: str | None = None) -
     return app.command(name, cls=cls, rich_help_panel=group)
 
 
-def _print_version(wanted: bool) -> None:
-    if wanted:
+def _print_version(asked: bool) -> None:
+    if asked:
         from importlib.metadata import version
 
         typer.echo(f"raybench {version('raybench')}")

@@ -56,5 +56,5 @@ def compare(
     from harness.cli import results
 
     limit = None if threshold is None else results.share(threshold)
-    found = results.compare(*results.sides(folders or [], before or [], after or []), everything, output, limit)
-    raise typer.Exit(1 if found and fail_on_regression else 0)
+    regressions = results.compare(*results.sides(folders or [], before or [], after or []), everything, output, limit)
+    raise typer.Exit(1 if regressions and fail_on_regression else 0)

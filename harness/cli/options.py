@@ -120,10 +120,10 @@ def parse_size(text: str) -> tuple[int, int]:
     from engines.errors import ConfigError
     from harness.config.kinds import width_and_height
 
-    found = width_and_height(text)
-    if found is None:
+    size = width_and_height(text)
+    if size is None:
         raise ConfigError(f"--size {text}: width and height are expected, as 256x192")
-    return found
+    return size
 
 
 Config = Annotated[

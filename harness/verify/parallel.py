@@ -206,8 +206,8 @@ def serve(descriptors: Sequence[int], arguments: Sequence[str]) -> None:
     channel = Channel.at(descriptors[0])
     with threadpool_limits(1), suppress(Closed):
         while True:
-            function, given = pickled.receive(channel)
-            pickled.send(channel, function(*given))
+            function, values = pickled.receive(channel)
+            pickled.send(channel, function(*values))
 
 
 def _check(job: Job, case: str, accelerator: str) -> list[CheckResult]:

@@ -60,11 +60,11 @@ def engines_listed() -> list[dict[str, Any]]:
 
 def _engine(name: str) -> dict[str, Any]:
     try:
-        found: Engine = engine(name)
-        accelerators = _table({"auto": {}, **found.accelerators()})
-        own = _table(getattr(found, "samplers", dict)())
+        loaded: Engine = engine(name)
+        accelerators = _table({"auto": {}, **loaded.accelerators()})
+        own = _table(getattr(loaded, "samplers", dict)())
         samplers = [*SAMPLERS, *(sampler["name"] for sampler in own)]
-        refused = _refused(found, samplers)
+        refused = _refused(loaded, samplers)
     except Exception as error:  # third-party code may raise anything
         return {"name": name, "problem": one_line(error), "accelerators": [], "samplers": [], "refusals": {}}
     problem = _why_nothing(refused["sampler"]) if len(refused["sampler"]) == len(set(samplers)) else None

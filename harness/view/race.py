@@ -121,9 +121,9 @@ class Race:
 def _experiment(request: requests.RaceRequest, scene: Path, parameters: Mapping[str, str]) -> dict[str, Any]:
     """The experiment file of a race."""
     contestants = []
-    for given in request.contestants:
-        settings = {"engine": given.engine, "threads": requests.limited_threads(given.threads), "precision": given.precision}
-        contestants.append({**settings, **{kind: getattr(given, kind) for kind in KINDS}})
+    for chosen in request.contestants:
+        settings = {"engine": chosen.engine, "threads": requests.limited_threads(chosen.threads), "precision": chosen.precision}
+        contestants.append({**settings, **{kind: getattr(chosen, kind) for kind in KINDS}})
     named = {"file": str(scene), "parameters": dict(parameters)} if parameters else str(scene)
     return {
         "raybench_experiment": 1,
@@ -145,11 +145,11 @@ def _experiment(request: requests.RaceRequest, scene: Path, parameters: Mapping[
 def _index_of(cell: Cell, contestants: Sequence[requests.RenderSettings]) -> int:
     """The index of the contestant in the request that a cell belongs to: the one with the most equal settings."""
 
-    def equal_settings(given: requests.RenderSettings) -> int:
+    def equal_settings(requested: requests.RenderSettings) -> int:
         settings = cell.settings.describe()
-        same = [cell.engine == given.engine, settings["threads"] == requests.limited_threads(given.threads)]
-        same.append(given.precision in (None, settings["precision"]))
-        same += [getattr(given, kind).items() <= settings[kind].items() for kind in KINDS]
+        same = [cell.engine == requested.engine, settings["threads"] == requests.limited_threads(requested.threads)]
+        same.append(requested.precision in (None, settings["precision"]))
+        same += [getattr(requested, kind).items() <= settings[kind].items() for kind in KINDS]
         return sum(same)
 
     return max(range(len(contestants)), key=lambda index: equal_settings(contestants[index]))

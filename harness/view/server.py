@@ -118,13 +118,13 @@ class Server:
 
 def _assets() -> dict[str, tuple[bytes, str]]:
     """Name -> (bytes, media type) of the pages and their assets."""
-    found = {}
+    assets = {}
     for item in files("harness.view").joinpath("page").iterdir():
         if (suffix := Path(item.name).suffix) in TYPES:
-            found[item.name] = item.read_bytes(), TYPES[suffix]
+            assets[item.name] = item.read_bytes(), TYPES[suffix]
     for name in REPORT_ASSETS:
-        found[name] = files("harness.report.html").joinpath(name).read_bytes(), TYPES[Path(name).suffix]
-    return found
+        assets[name] = files("harness.report.html").joinpath(name).read_bytes(), TYPES[Path(name).suffix]
+    return assets
 
 
 def serve(options: ViewOptions) -> None:

@@ -138,14 +138,14 @@ class ViewController(Controller):
 
     def _settings(self, request: requests.OpenRequest, scene: Scene) -> tuple[Settings, dict[str, Any]]:
         """The settings of a request within the limits, and the provenance for saved images."""
-        given = request.settings
-        require_imports(given.engine, self._allow_imports)
-        if names_a_program(given.engine):
-            raise ConfigError(f"{given.engine}: external renderers are not run from a page")
-        chosen = {kind: getattr(given, kind) for kind in CHOICES}
+        asked = request.settings
+        require_imports(asked.engine, self._allow_imports)
+        if names_a_program(asked.engine):
+            raise ConfigError(f"{asked.engine}: external renderers are not run from a page")
+        chosen = {kind: getattr(asked, kind) for kind in CHOICES}
         same = {
-            "precision": given.precision,
-            "threads": requests.limited_threads(given.threads),
+            "precision": asked.precision,
+            "threads": requests.limited_threads(asked.threads),
             "width": request.width,
             "height": request.height,
         }
@@ -157,7 +157,7 @@ class ViewController(Controller):
         return settings, {
             "scene": request.scene,
             "scene_hash": scene.content_hash,
-            "engine": given.engine,
+            "engine": asked.engine,
             "settings": {**chosen, **same},
             "seed": request.seed,
         }
@@ -194,13 +194,13 @@ class ViewController(Controller):
         """Sends the object that is picked; the render continues."""
         interactive = self._opened()
         try:
-            found = interactive.find(request.id) if request.id else interactive.pick(request.x, request.y)
+            picked = interactive.find(request.id) if request.id else interactive.pick(request.x, request.y)
         except Unsupported:  # a camera that is a plugin, or an engine that traces no single rays
-            found = None
-        if found is None:
+            picked = None
+        if picked is None:
             self._message("picked", id=None)
         else:
-            self._message("picked", id=found[0].id, name=found[0].name, x=found[1], y=found[2])
+            self._message("picked", id=picked[0].id, name=picked[0].name, x=picked[1], y=picked[2])
 
     def _on_stop(self, request: Any) -> None:
         if self._view.state == "busy":

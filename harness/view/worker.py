@@ -49,9 +49,9 @@ def listen(server: Channel, controller: Controller) -> None:
     from harness.view.requests import checked
 
     while True:
-        given = json.loads(server.receive().data)
+        message = json.loads(server.receive().data)
         try:
-            controller.receive(checked(given))
+            controller.receive(checked(message))
         except Exception as error:
             server.send(failure_message(error))
 

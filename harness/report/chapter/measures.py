@@ -26,13 +26,13 @@ def errors_at(analysis: Analysis, spp: int | None) -> Measure:
     """Error at `spp` samples, where it is above three of its standard errors. It repeats, so that its noise floor is 0."""
 
     def values(contestant: Contestant) -> Mapping[int, float]:
-        found = {}
+        errors = {}
         for cell in contestant.done:
             for point in cell.points:
                 error, spread = point_error(point, analysis.results.metric)
                 if point.spp == spp and error > 3 * spread:
-                    found[cell.block] = error
-        return found
+                    errors[cell.block] = error
+        return errors
 
     return Measure(values, 0.0)
 

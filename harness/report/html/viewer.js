@@ -6,11 +6,12 @@ const VIEWS = ["radiance", "difference", "error", "signed", "luminance"];
 const RULES = ["last", "time", "samples"];
 const FRAGMENT = "#images?";
 const SAVE_AFTER = 300;
+const part = (name) => document.getElementById(`viewer-${name}`);
 
 class Viewer {
   constructor(data) {
     this.data = data;
-    this.canvas = document.getElementById("viewer-canvas");
+    this.canvas = part("canvas");
     this.context = this.canvas.getContext("2d");
     this.mode = "flip";
     this.view = "radiance";
@@ -88,7 +89,7 @@ class Viewer {
     const [zoom, x, y] = (state.get("at") ?? "").split(" ").map(Number);
     const place = [zoom, x, y].every(Number.isFinite) && zoom >= 0.1 && zoom <= 64 ? { zoom, x, y } : {};
     const index = Math.max(this.data.groups.findIndex((group) => group.title === state.get("scene")), 0);
-    document.getElementById("viewer-group").value = String(index);
+    part("group").value = String(index);
     if (asked) document.getElementById("images").scrollIntoView();
     return this.open(index, { a: state.get("a") ?? undefined, b: state.get("b") ?? undefined, ...place });
   }
@@ -148,17 +149,15 @@ class Viewer {
     return this.drawn.get(index);
   }
 
-  // The areas of the canvas, in CSS pixels: [picture, left, top, width, height] each.
+  // The areas of the canvas, in CSS pixels, and the picture in each. They are of one size.
   areas() {
-    const { clientWidth: width, clientHeight: height } = this.canvas;
+    const { clientWidth, clientHeight } = this.canvas;
     const count = this.listed.length;
-    if (this.mode !== "grid") return [[this.current, 0, 0, width, height]];
-    const aspect = (width / height) * (this.group.height / this.group.width);
+    if (this.mode !== "grid") return [{ index: this.current, left: 0, top: 0, width: clientWidth, height: clientHeight }];
+    const aspect = (clientWidth / clientHeight) * (this.group.height / this.group.width);
     const columns = Math.min(count, Math.max(1, Math.round(Math.sqrt(count * aspect))));
-    const rows = Math.ceil(count / columns);
-    return this.listed.map((place, index) => [
-      place, ((index % columns) * width) / columns, (Math.floor(index / columns) * height) / rows, width / columns, height / rows,
-    ]);
+    const [width, height] = [clientWidth / columns, clientHeight / Math.ceil(count / columns)];
+    return this.listed.map((index, k) => ({ index, left: (k % columns) * width, top: Math.floor(k / columns) * height, width, height }));
   }
 
   redraw() {
@@ -169,13 +168,13 @@ class Viewer {
     const context = this.context;
     context.imageSmoothingEnabled = false;
     context.scale(ratio, ratio);
-    for (const [index, left, top, w, h] of this.areas()) this.drawPicture(index, left, top, w, h);
+    for (const area of this.areas()) this.drawPicture(area);
     if (this.mode === "wipe") this.drawWipe(width, height);
     this.drawPixel(width, height);
     this.writeState();
   }
 
-  drawPicture(index, left, top, width, height) {
+  drawPicture({ index, left, top, width, height }) {
     const context = this.context;
     context.save();
     context.beginPath();
@@ -227,9 +226,9 @@ class Viewer {
     context.fillStyle = "#fff";
     lines.forEach((line, row) => context.fillText(line, left + 6, top + 16 * (row + 1)));
     const { zoom } = this;
+    const { area } = at;
     context.strokeStyle = "#fff";
-    const [, areaLeft, areaTop, w, h] = at.area;
-    if (zoom >= 6) context.strokeRect(areaLeft + this.x * w + at.x * zoom, areaTop + this.y * h + at.y * zoom, zoom, zoom);
+    if (zoom >= 6) context.strokeRect(area.left + this.x * area.width + at.x * zoom, area.top + this.y * area.height + at.y * zoom, zoom, zoom);
   }
 
   drawWipe(width, height) {
@@ -252,13 +251,13 @@ class Viewer {
   // --- zoom and pan: picture pixel p lies at (x * area + p * zoom)
 
   fit() {
-    const [, , , width, height] = this.areas()[0];
+    const { width, height } = this.areas()[0];
     this.setZoom(Math.min(width / this.group.width, height / this.group.height));
     this.fitted = true;
   }
 
   setZoom(zoom) {
-    const [, , , width, height] = this.areas()[0];
+    const { width, height } = this.areas()[0];
     this.zoom = zoom;
     this.fitted = false;
     this.x = 0.5 - (this.group.width * zoom) / width / 2;
@@ -278,7 +277,7 @@ class Viewer {
   }
 
   pan(dx, dy) {
-    const [, , , width, height] = this.areas()[0];
+    const { width, height } = this.areas()[0];
     this.x += dx / width;
     this.y += dy / height;
     this.fitted = false;
@@ -289,18 +288,18 @@ class Viewer {
 
   writeChoices() {
     for (const side of ["a", "b"]) {
-      document.getElementById(`viewer-${side}`).replaceChildren(...this.listed.map((place) => {
+      part(side).replaceChildren(...this.listed.map((place) => {
         const picture = this.group.pictures[place];
         return new Option(`${this.keyOf(place)} ${picture.name} (${picture.caption})`, String(place));
       }));
     }
-    const rules = document.getElementById("viewer-rule");
+    const rules = part("rule");
     rules.replaceChildren(...RULES.map((rule) => new Option(this.group.rules[rule].words, rule)));
     this.writeMissing(this.group.rules[this.rule].missing);
   }
 
   writeMissing(missing) {
-    const place = document.getElementById("viewer-missing");
+    const place = part("missing");
     place.hidden = !missing.length;
     place.querySelector("summary").textContent = `${missing.length} contestant${missing.length === 1 ? "" : "s"} not shown, and why`;
     place.querySelector("ul").replaceChildren(...missing.map(([name, reason]) => {
@@ -314,12 +313,12 @@ class Viewer {
     for (const button of document.querySelectorAll("[data-mode]")) {
       button.setAttribute("aria-pressed", String(button.dataset.mode === this.mode));
     }
-    document.getElementById("viewer-a").value = String(this.current);
-    document.getElementById("viewer-b").value = String(this.other);
-    document.getElementById("viewer-rule").value = this.rule;
-    document.getElementById("viewer-view").value = this.view;
-    document.getElementById("viewer-exposure").value = this.exposure;
-    document.getElementById("viewer-ev").textContent = `${this.exposure > 0 ? "+" : ""}${this.exposure} EV`;
+    part("a").value = String(this.current);
+    part("b").value = String(this.other);
+    part("rule").value = this.rule;
+    part("view").value = this.view;
+    part("exposure").value = this.exposure;
+    part("ev").textContent = `${this.exposure > 0 ? "+" : ""}${this.exposure} EV`;
     const picture = this.group.pictures[this.current];
     this.canvas.setAttribute("aria-label", `${this.group.title}, ${picture.name}, ${picture.caption}, ${this.view}`);
     this.writeScale();
@@ -327,7 +326,7 @@ class Viewer {
   }
 
   writeScale() {
-    const place = document.getElementById("viewer-scale");
+    const place = part("scale");
     const words = scaleWords(this.view, 2 ** this.exposure);
     place.replaceChildren();
     if (!words) return;
@@ -339,7 +338,7 @@ class Viewer {
   }
 
   writePixel() {
-    const status = document.getElementById("viewer-status");
+    const status = part("status");
     const at = this.pixelAt();
     const shrunk = this.group.factor > 1 ? ` Shown at 1/${this.group.factor} of its resolution.` : "";
     if (!at) {
@@ -369,7 +368,7 @@ class Viewer {
   pixelAt() {
     if (!this.pointer) return null;
     for (const area of this.areas()) {
-      const [index, left, top, width, height] = area;
+      const { index, left, top, width, height } = area;
       const px = this.pointer.x - left;
       const py = this.pointer.y - top;
       if (px < 0 || py < 0 || px >= width || py >= height) continue;
@@ -386,21 +385,26 @@ class Viewer {
 
   listen() {
     const canvas = this.canvas;
-    document.getElementById("viewer-group").addEventListener("change", async (event) => {
+    part("group").addEventListener("change", async (event) => {
       await this.open(Number(event.target.value), { a: this.nameOf(this.current), b: this.nameOf(this.other) });
       this.save();
     });
-    document.getElementById("viewer-rule").addEventListener("change", (event) => { this.setRule(event.target.value); this.changed(); });
-    document.getElementById("viewer-a").addEventListener("change", (event) => this.choose(Number(event.target.value)));
-    document.getElementById("viewer-b").addEventListener("change", (event) => this.choose(Number(event.target.value), "other"));
-    document.getElementById("viewer-swap").addEventListener("click", () => this.swap());
+    part("rule").addEventListener("change", (event) => { this.setRule(event.target.value); this.changed(); });
+    part("a").addEventListener("change", (event) => this.choose(Number(event.target.value)));
+    part("b").addEventListener("change", (event) => this.choose(Number(event.target.value), "other"));
+    part("swap").addEventListener("click", () => this.swap());
     addEventListener("hashchange", () => { if (location.hash.startsWith(FRAGMENT) && location.hash !== this.saved) this.restore(); });
-    document.getElementById("viewer-view").addEventListener("change", (event) => this.setView(event.target.value));
-    document.getElementById("viewer-exposure").addEventListener("input", (event) => this.set("exposure", Number(event.target.value)));
+    part("view").addEventListener("change", (event) => this.setView(event.target.value));
+    part("exposure").addEventListener("input", (event) => this.set("exposure", Number(event.target.value)));
     for (const button of document.querySelectorAll("[data-mode]")) {
       button.addEventListener("click", () => this.setMode(button.dataset.mode));
     }
-    const zooms = { in: () => this.zoomBy(1.5), out: () => this.zoomBy(1 / 1.5), fit: () => { this.fit(); this.save(); }, one: () => { this.setZoom(1); this.save(); } };
+    const zooms = {
+      in: () => this.zoomBy(1.5),
+      out: () => this.zoomBy(1 / 1.5),
+      fit: () => { this.fit(); this.save(); },
+      one: () => { this.setZoom(1); this.save(); },
+    };
     for (const button of document.querySelectorAll("[data-zoom]")) button.addEventListener("click", zooms[button.dataset.zoom]);
     canvas.addEventListener("keydown", (event) => this.key(event));
     canvas.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
@@ -448,10 +452,9 @@ class Viewer {
   wheel(event) {
     if (document.activeElement !== this.canvas) return;
     event.preventDefault();
-    const area = this.areas().find(([, l, t, w, h]) => event.offsetX >= l && event.offsetX < l + w && event.offsetY >= t && event.offsetY < t + h);
-    if (!area) return;
-    const [, left, top, width, height] = area;
-    this.zoomBy(Math.exp(-event.deltaY * 0.0015), (event.offsetX - left) / width, (event.offsetY - top) / height);
+    const shares = this.areas().map((area) => [(event.offsetX - area.left) / area.width, (event.offsetY - area.top) / area.height]);
+    const inside = shares.find(([x, y]) => x >= 0 && x < 1 && y >= 0 && y < 1);
+    if (inside) this.zoomBy(Math.exp(-event.deltaY * 0.0015), ...inside);
   }
 
   press(event) {

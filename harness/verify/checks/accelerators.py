@@ -133,8 +133,8 @@ def _differences(ours: Hits, theirs: Hits) -> Array:
 def same_hits(subject: Subject) -> Iterator[Measurement]:
     """Compares with the engine's first accelerator; where there is no other, `occluded` with `trace`."""
     first = accelerator_names(subject.engine)[0]
-    for name, given in _hard_scenes(subject):
-        shapes = _cast_meshes(subject, given)
+    for name, uncast in _hard_scenes(subject):
+        shapes = _cast_meshes(subject, uncast)
         origins, directions = _rays(subject, shapes, subject.count(1600))
         renderer = subject.tracer(*shapes)
         hits = renderer.trace(origins, directions)
@@ -166,8 +166,8 @@ def any_resolution(subject: Subject) -> Iterator[Measurement]:
     scenes: list[list[Shape]] = [[UNIT_UP], [_floor(8)], [triangle_soup(60, 0.3)], [*(_floor(4, z) for z in (-1.0, -0.5, 0.0))]]
     for option, value in _extremes(subject):
         chosen, wrong = {"name": subject.accelerator, option: value}, np.zeros(0, bool)
-        for given in scenes:
-            shapes = _cast_meshes(subject, given)
+        for uncast in scenes:
+            shapes = _cast_meshes(subject, uncast)
             origins, directions = _rays(subject, shapes, n)
             hits = subject.tracer(*shapes, accelerator=chosen).trace(origins, directions)
             expected = subject.tracer(*shapes, accelerator=first).trace(origins, directions)

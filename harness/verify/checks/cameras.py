@@ -64,8 +64,8 @@ def shifted(subject: Subject) -> Iterator[Measurement]:
     for name, camera in cameras.items():
         for point in ((0.25, 0.0), (-0.125, 0.1875)):
             for mirror in (False, True):
-                given = replace(camera, principal_point=point, mirror=mirror)
-                yield measurement(_seen(subject, given, 1.5 * half, half), f"{name}, {point}{', mirror' * mirror}")
+                view = replace(camera, principal_point=point, mirror=mirror)
+                yield measurement(_seen(subject, view, 1.5 * half, half), f"{name}, {point}{', mirror' * mirror}")
 
 
 @SECTION.case(
@@ -87,8 +87,8 @@ def clipped(subject: Subject) -> Iterator[Measurement]:
             ((2.01, 2.99), 0.0),
             ((3.01, math.inf), 0.0),
         ):
-            given = replace(camera, clip=clip)
-            seen = subject.image(squares, materials, [], given, path_tracer(1), sampler="constant")
+            view = replace(camera, clip=clip)
+            seen = subject.image(squares, materials, [], view, path_tracer(1), sampler="constant")
             yield measurement(seen != truth, f"{type(camera).__name__}, {clip}")
 
 

@@ -37,8 +37,8 @@ def hits(subject: Subject) -> Iterator[Measurement]:
             aims = np.array(p0) + rng.random((count, 1)) * np.subtract(p1, p0) + radius * rng.normal(size=(count, 3))
             directions = subject.cast(aims - origins)
             exact, kept = oracle.cylinder(p0, p1, radius, origins, directions)
-            found = subject.trace([Cylinder(p0, p1, radius, 0)], origins, directions).t
-            yield measurement(oracle.relative(found[kept], exact[kept]), f"{name}, {where}")
+            t = subject.trace([Cylinder(p0, p1, radius, 0)], origins, directions).t
+            yield measurement(oracle.relative(t[kept], exact[kept]), f"{name}, {where}")
 
 
 @SECTION.case("Y2", "A cylinder light gives a floor the integral over the part of its surface that faces it.", Z)

@@ -79,25 +79,25 @@ def white_mixtures(subject: Subject) -> Iterator[Measurement]:
 )
 def energy(subject: Subject) -> Iterator[Measurement]:
     """Under a white environment with a black plane behind the surface (R), then without it (R + T / eta^2)."""
-    for name, given in ABSORBING.items():
+    for name, surface in ABSORBING.items():
         for below in (False, True):
-            eta = 1 / given.ior if below else given.ior
+            eta = 1 / surface.ior if below else surface.ior
             bed = Plane((0.0, 1.0 if below else -1.0, 0.0), (0.0, 1.0, 0.0), 1)
             errors = []
             for degrees in ANGLES:
                 view = toward(degrees, below)
                 sides: list[list[Shape]] = [[FLOOR, bed], [FLOOR]]
-                black, both = (subject.radiance(side, [given, material()], [WHITE_SKY], view, whitted(2)) for side in sides)
-                reflected, transmitted = _weights(given, eta, cosine_of(view))
+                black, both = (subject.radiance(side, [surface, material()], [WHITE_SKY], view, whitted(2)) for side in sides)
+                reflected, transmitted = _weights(surface, eta, cosine_of(view))
                 sent = black + (both - black) * eta**2
                 errors += [black - reflected, (both - black) * eta**2 - transmitted, max(sent - 1, 0.0)]
             yield measurement(errors, f"{name}, from {'behind' if below else 'the front'}")
 
 
-def _weights(given: Material, eta: float, cosine: float) -> tuple[float, float]:
+def _weights(surface: Material, eta: float, cosine: float) -> tuple[float, float]:
     """(reflected, transmitted) shares of the light. Without Fresnel, total reflection includes the weight of kt."""
-    kd, ks, kt = given.kd[0], given.ks[0], given.kt[0]
-    if given.fresnel:
+    kd, ks, kt = surface.kd[0], surface.ks[0], surface.kt[0]
+    if surface.fresnel:
         share = fresnel(0.0, eta, cosine)
         return kd + ks * share, kt * (1 - share)
     total = (1 - cosine**2) / eta**2 >= 1
@@ -142,11 +142,11 @@ def reciprocity(subject: Subject) -> Iterator[Measurement]:
         yield measurement(errors, name)
 
 
-def _scattered(subject: Subject, given: Material, light: np.ndarray, eye: np.ndarray) -> float:
+def _scattered(subject: Subject, surface: Material, light: np.ndarray, eye: np.ndarray) -> float:
     x, y, z = (float(value) for value in -light)
     view = point_view(4 * eye, ORIGIN, up=(0.3, 0.2, 0.9))
     sun = DirectionalLight((x, y, z), grey(1))
-    return subject.radiance([FLOOR], [given], [sun], view, path_tracer(2)) / -y
+    return subject.radiance([FLOOR], [surface], [sun], view, path_tracer(2)) / -y
 
 
 @SECTION.case(
@@ -155,15 +155,15 @@ def _scattered(subject: Subject, given: Material, light: np.ndarray, eye: np.nda
 def stokes(subject: Subject) -> Iterator[Measurement]:
     """A light below seen from above, and one above seen from below, at angles that correspond by Snell's law."""
     for name in ("glass", "diamond", "pane"):
-        given = ABSORBING[name]
+        surface = ABSORBING[name]
         errors = []
         # not closer to 90: there n^2 tan magnifies the rounding of the inner ray in float32 beyond what is allowed
         for degrees in (0, 15, 40, 65, 85):
-            inner = math.degrees(math.asin(math.sin(math.radians(degrees)) / given.ior))
+            inner = math.degrees(math.asin(math.sin(math.radians(degrees)) / surface.ior))
             seen = []
             for angle, below in ((degrees, False), (inner, True)):
                 emitter = Plane((0.0, 1.0 if below else -1.0, 0.0), (0.0, -1.0 if below else 1.0, 0.0), 1)
                 view = toward(angle, below, distance=0.5)
-                seen.append(subject.radiance([FLOOR, emitter], [given, material(emission=1)], [], view, whitted(2)))
-            errors.append(seen[0] * given.ior**2 - seen[1] / given.ior**2)
+                seen.append(subject.radiance([FLOOR, emitter], [surface, material(emission=1)], [], view, whitted(2)))
+            errors.append(seen[0] * surface.ior**2 - seen[1] / surface.ior**2)
         yield measurement(errors, name)

@@ -115,16 +115,16 @@ def _image(
 
 def _accepted(subject: Subject, names: Mapping[str, Any], lights: list[Light]) -> Iterator[str]:
     """Those of the materials that the engine has. Raises `Skipped` where it has none."""
-    reasons, found = [], 0
+    reasons, accepted = [], 0
     for name in names:
         try:
             _image(subject, name, direction(10, 0), lights, path_tracer(2), 1, sampler="constant")
         except Skipped as reason:
             reasons.append(reason)
             continue
-        found += 1
+        accepted += 1
         yield name
-    if not found:
+    if not accepted:
         raise reasons[0]
 
 

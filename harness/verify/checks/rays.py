@@ -65,9 +65,9 @@ def any_length(subject: Subject) -> Iterator[Measurement]:
         with np.errstate(invalid="ignore"):
             chord = (far - near) * np.linalg.norm(scaled, axis=1)
         clear = np.isinf(near) | (chord > 1e-2)  # tangents may go either way
-        found, both = hits.t[clear], np.isfinite(hits.t[clear]) & np.isfinite(t[clear])
-        errors = np.where(np.isfinite(found) == np.isfinite(t[clear]), 0.0, INF)
-        errors[both] = np.abs(found[both] / t[clear][both] - 1)
+        traced, both = hits.t[clear], np.isfinite(hits.t[clear]) & np.isfinite(t[clear])
+        errors = np.where(np.isfinite(traced) == np.isfinite(t[clear]), 0.0, INF)
+        errors[both] = np.abs(traced[both] / t[clear][both] - 1)
         yield measurement(errors, f"length {length:.0e}")
 
 
@@ -77,8 +77,8 @@ def open_interval(subject: Subject) -> Iterator[Measurement]:
     ray = [(0.0, 0.0, 5.0)], [(0.0, 0.0, -2.0)]
     wrong = []
     for reach, hit in ((2.0, False), (2.00001, True), (1.99999, False), (INF, True)):
-        found = renderer.trace(*ray, reach).t[0]
-        wrong += [(found == 2.0) != hit, bool(renderer.occluded(*ray, reach)[0]) != hit]
+        t = renderer.trace(*ray, reach).t[0]
+        wrong += [(t == 2.0) != hit, bool(renderer.occluded(*ray, reach)[0]) != hit]
     yield measurement(wrong)
 
 

@@ -105,12 +105,12 @@ def edge_slopes(subject: Subject) -> Iterator[Measurement]:
     yield from _slopes(subject, _edges(subject))
 
 
-def _slopes(subject: Subject, given: Integrands) -> Iterator[Measurement]:
+def _slopes(subject: Subject, integrands: Integrands) -> Iterator[Measurement]:
     """The distance of the 99 % interval of the slope from the expected slope; a steeper slope is an error for `random` only."""
-    for sampler in subject.accepted(list(given.slopes), given.scene, given.shader):
-        expected = given.slopes[sampler]
+    for sampler in subject.accepted(list(integrands.slopes), integrands.scene, integrands.shader):
+        expected = integrands.slopes[sampler]
         counts = [4**k for k in range(1, 5 if subject.quick or subject.tracing == "float32" else 6)]
-        squares = np.array([(seen - given.truth) ** 2 for seen in _images(subject, given, sampler, counts)])
+        squares = np.array([(seen - integrands.truth) ** 2 for seen in _images(subject, integrands, sampler, counts)])
         slope, error = slope_of(counts, squares.reshape(len(counts), -1))
         excess = abs(slope - expected) if sampler == "random" else max(slope - expected, 0.0)
         yield measurement(
@@ -118,12 +118,12 @@ def _slopes(subject: Subject, given: Integrands) -> Iterator[Measurement]:
         )
 
 
-def _images(subject: Subject, given: Integrands, sampler: str, counts: Sequence[int]) -> Iterator[Array]:
+def _images(subject: Subject, integrands: Integrands, sampler: str, counts: Sequence[int]) -> Iterator[Array]:
     """The red channel (SIDE, SIDE) for each number of samples; `stratified` needs a renderer for each."""
     renderer, done = None, 0
     for spp in counts:
         if renderer is None or sampler == "stratified":
-            renderer = subject.renderer(given.scene, shader=given.shader, sampler=_chosen(sampler, spp), seed=3)
+            renderer = subject.renderer(integrands.scene, shader=integrands.shader, sampler=_chosen(sampler, spp), seed=3)
             done = 0
         yield renderer.render(spp - done).mean()[:, :, 0]
         done = spp

@@ -85,14 +85,14 @@ def from_the_surface(subject: Subject) -> Iterator[Measurement]:
     kept = np.abs(cosines) > 1e-2
     origins, directions, cosines = origins[kept], directions[kept], cosines[kept]
     renderer = subject.tracer(sphere())
-    found = renderer.trace(origins, directions)
+    hits = renderer.trace(origins, directions)
     near, far = oracle.sphere_roots(np.zeros(3), 1.0, origins, directions)
     touched, left = np.zeros(len(origins), bool), np.isfinite(renderer.trace(origins, -directions).t)
     if subject.tracing != "float64":  # the origin lies clearly outside or inside: then the root near it is one too
-        touched, left = (near > 0) & (found.t < 1e-3), np.zeros(len(origins), bool)
+        touched, left = (near > 0) & (hits.t < 1e-3), np.zeros(len(origins), bool)
     exact = np.where(touched, near, far)
-    errors = oracle.absolute(found.t, exact) * np.abs(cosines) / subject.eps
-    yield measurement(np.where(left, np.inf, errors), "", oracle.ulps(found.t, far, subject.dtype)[~touched])
+    errors = oracle.absolute(hits.t, exact) * np.abs(cosines) / subject.eps
+    yield measurement(np.where(left, np.inf, errors), "", oracle.ulps(hits.t, far, subject.dtype)[~touched])
 
 
 @SECTION.case("S6", "A tangent ray hits at the right distance or misses; nothing is NaN.", NONE_WRONG)

@@ -42,8 +42,8 @@ def _around(count: int) -> Array:
 
 
 def _errors(subject: Subject, shape: Shape, exact: oracle.Exact, origins: Array, towards: Array, name: str) -> Measurement:
-    found = subject.trace([shape], origins, towards).t
-    return measurement(oracle.relative(found, exact), name, oracle.ulps(found, exact, subject.dtype))
+    t = subject.trace([shape], origins, towards).t
+    return measurement(oracle.relative(t, exact), name, oracle.ulps(t, exact, subject.dtype))
 
 
 def _both(subject: Subject, center: Array, distance: float, parameter: str) -> Iterator[Measurement]:

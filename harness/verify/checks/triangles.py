@@ -112,8 +112,8 @@ def no_area(subject: Subject) -> Iterator[Measurement]:
     origin = subject.cast([(-1081.47925, 99.9999542, 87.7701111)])
     direction = subject.cast([(-32.1072998, -183.355865, -144.607635)])
     renderer = subject.tracer(_line(subject))
-    found = np.isfinite(renderer.trace(origin, direction, 0.9999).t) | renderer.occluded(origin, direction, 0.9999)
-    yield measurement(found)
+    hit = np.isfinite(renderer.trace(origin, direction, 0.9999).t) | renderer.occluded(origin, direction, 0.9999)
+    yield measurement(hit)
 
 
 @SECTION.case(
@@ -178,7 +178,7 @@ def unsplittable(subject: Subject) -> Iterator[Measurement]:
     shapes = [Triangle((x, 0.0, 0.0), (y, 0.0, 0.0), (y, 1.0, 0.0), 0) for x, y in corners]
     origins, expected = [(30.0, 0.05, 1.0), (0.0, 0.05, 1.0), (50.0, 0.05, 1.0)], [(0, 1, 2, 3), (2, 3), (0, 2, 3)]
     hits = subject.trace(shapes, subject.cast(origins), np.tile([0.0, 0.0, -1.0], (3, 1)))
-    yield measurement([t != 1.0 or s not in wanted for t, s, wanted in zip(hits.t, hits.shape, expected, strict=True)])
+    yield measurement([t != 1.0 or s not in nearest for t, s, nearest in zip(hits.t, hits.shape, expected, strict=True)])
 
 
 @SECTION.case("T13", "Of two identical faces the shape with the lower index is hit.", TIES, "engines.interface")
@@ -256,8 +256,10 @@ def false_hits(subject: Subject) -> Iterator[Measurement]:
     n = subject.count(400)
     corners, origins, directions = _thin_triangles(subject, n)
     shapes = [triangle(corners[i]) for i in range(n)]
-    found = np.array([subject.trace([s], o[None], d[None]).t[0] for s, o, d in zip(shapes, origins, directions, strict=True)])
+    traced = np.array([subject.trace([s], o[None], d[None]).t[0] for s, o, d in zip(shapes, origins, directions, strict=True)])
     exact = oracle.triangle(corners[:, 0], corners[:, 1], corners[:, 2], origins, directions)
     t, u, v = (np.asarray(part, np.float64) for part in exact)
     missed = (np.minimum(np.minimum(u, v), 1 - u - v) < -1e-9) | (t <= 0)
-    yield measurement(np.isfinite(found) & missed, f"{n} triangles", note=f"the exact answer is a miss for {int(missed.sum())}")
+    yield measurement(
+        np.isfinite(traced) & missed, f"{n} triangles", note=f"the exact answer is a miss for {int(missed.sum())}"
+    )
