@@ -57,3 +57,4 @@ ROUNDING, LARGEST_Z = {"float64": 1e-12, "float32": 1e-5}, 4.5
 """Error that rounding may cause in an image without noise, and the largest |z| of a mean."""
 Z = Tolerance("z", LARGEST_Z, LARGEST_Z, "with 32 replicates a false alarm has probability 9e-5 per test; seeds are fixed")
 EXACT = Tolerance("absolute", ROUNDING["float64"], ROUNDING["float32"])
+MANY_EVENTS = Tolerance("absolute", 1e-11, 1e-4, "hundreds of events")

@@ -14,7 +14,7 @@ from harness.verify.checks.glass import cosine_of, fresnel, toward
 from harness.verify.replicates import STRATEGIES, by_strategy
 from harness.verify.scenes import FLOOR, ORIGIN, WHITE_SKY, direction, grey, material, path_tracer, point_view, sphere, whitted
 from harness.verify.subject import Subject
-from harness.verify.tolerances import EXACT, Tolerance, Z
+from harness.verify.tolerances import EXACT, MANY_EVENTS, Z
 
 SECTION = Section("materials")
 LOSSLESS: dict[str, Material] = {
@@ -51,11 +51,7 @@ def white(subject: Subject) -> Iterator[Measurement]:
             yield measurement(seen - 1, f"{name}, {direct}")
 
 
-@SECTION.case(
-    "wf.glass",
-    "In a white furnace every lossless transparent body is invisible.",
-    Tolerance("absolute", 1e-11, 1e-4, "hundreds of events"),
-)
+@SECTION.case("wf.glass", "In a white furnace every lossless transparent body is invisible.", MANY_EVENTS)
 def white_glass(subject: Subject) -> Iterator[Measurement]:
     view = point_view((0.5, 3.0, 2.0), (0.5, 0.3, 0.2), 8)
     for name in ("glass", "glass without Fresnel", "clear", "frosted", "coated"):

@@ -41,6 +41,7 @@ from harness.verify.subject import Skipped, Subject
 from harness.verify.tolerances import EXACT, Tolerance, Z
 
 SECTION = Section("models")
+CLOSED_FORM = Tolerance("absolute", 1e-10, 1e-4)
 RAMP = (0.5, 0.0, 0.25, 0.0, 0.5, 0.25)
 """`to_uv` by which a bilinear image of 2 x 2 texels is linear in (u, v) on [0, 1]."""
 WHITE = EnvironmentLight((1.0, 1.0, 1.0), np.ones((4, 8, 3)))
@@ -146,7 +147,7 @@ SUNS = ((5, 90), (40, 160), (65, 10), (140, 60), (160, 250))
 @SECTION.case(
     "mod",
     "Every model scatters a directional light as its closed form has it, on both sides.",
-    Tolerance("absolute", 1e-10, 1e-4),
+    CLOSED_FORM,
     "Walter et al. 2007, Burley 2015",
 )
 def values(subject: Subject) -> Iterator[Measurement]:
@@ -163,10 +164,7 @@ def values(subject: Subject) -> Iterator[Measurement]:
 
 
 @SECTION.case(
-    "mod.recip",
-    "Opaque models are reciprocal, and rough glass is but for the squared index.",
-    Tolerance("absolute", 1e-10, 1e-4),
-    "Veach 1997, 5.2",
+    "mod.recip", "Opaque models are reciprocal, and rough glass is but for the squared index.", CLOSED_FORM, "Veach 1997, 5.2"
 )
 def reciprocity(subject: Subject) -> Iterator[Measurement]:
     pairs = (((35, 20), (60, 200)), ((10, 0), (70, 130)))

@@ -24,6 +24,7 @@ SECTION = Section("sampling")
 SAMPLERS = ("random", "stratified", "halton", "sobol")
 SIDE = 16
 GROUPS = 16
+SLOPE = Tolerance("absolute", 0.15, 0.15)
 
 
 class Integrands(NamedTuple):
@@ -88,19 +89,12 @@ def _chosen(sampler: str, spp: int) -> Any:
     return {"name": sampler, "strata": spp} if sampler == "stratified" else sampler
 
 
-@SECTION.case(
-    "q.slope",
-    "For a smooth integrand the error falls at the rate of the sampler.",
-    Tolerance("absolute", 0.15, 0.15),
-    "Owen 1997",
-)
+@SECTION.case("q.slope", "For a smooth integrand the error falls at the rate of the sampler.", SLOPE, "Owen 1997")
 def smooth_slopes(subject: Subject) -> Iterator[Measurement]:
     yield from _slopes(subject, _smooth())
 
 
-@SECTION.case(
-    "q.edge", "For an edge the error falls at the rate of the sampler.", Tolerance("absolute", 0.15, 0.15), "Mitchell 1996"
-)
+@SECTION.case("q.edge", "For an edge the error falls at the rate of the sampler.", SLOPE, "Mitchell 1996")
 def edge_slopes(subject: Subject) -> Iterator[Measurement]:
     yield from _slopes(subject, _edges(subject))
 

@@ -14,6 +14,7 @@ from harness.verify.tolerances import NONE_WRONG, Tolerance
 
 SECTION = Section("spheres", each_accelerator=True)
 SOURCE = "Haines, Günther and Akenine-Möller 2019 (Ray Tracing Gems, 7)"
+LAST_DIGITS = Tolerance("relative", 4e-15, 1e-6)
 
 
 def _against(
@@ -25,9 +26,7 @@ def _against(
     return measurement(oracle.relative(hits.t, exact), parameter, oracle.ulps(hits.t, exact, subject.dtype))
 
 
-@SECTION.case(
-    "S1", "t of a unit sphere is exact to the last digits from any distance.", Tolerance("relative", 4e-15, 1e-6), SOURCE
-)
+@SECTION.case("S1", "t of a unit sphere is exact to the last digits from any distance.", LAST_DIGITS, SOURCE)
 def distant(subject: Subject) -> Iterator[Measurement]:
     rng, n = np.random.default_rng(3), subject.count(400)
     for power in range(2, 8):
@@ -56,7 +55,7 @@ def huge(subject: Subject) -> Iterator[Measurement]:
         yield _against(subject, center, 10.0**power, np.tile([0.0, 1.5, 0.0], (n, 1)), directions, f"R = 1e{power}")
 
 
-@SECTION.case("S11", "Just above a large sphere, the near root loses no digits.", Tolerance("relative", 4e-15, 1e-6), SOURCE)
+@SECTION.case("S11", "Just above a large sphere, the near root loses no digits.", LAST_DIGITS, SOURCE)
 def above(subject: Subject) -> Iterator[Measurement]:
     """Radius and height are powers of two straight above the centre, so that only the roots round."""
     rng, n = np.random.default_rng(11), subject.count(400)
@@ -105,7 +104,7 @@ def tangent(subject: Subject) -> Iterator[Measurement]:
         yield measurement(~(np.isinf(hits.t) | close) | np.isnan(hits.normal).any(axis=1), f"from {distance:.0e}")
 
 
-@SECTION.case("S7", "The hit point does not depend on the length of the direction.", Tolerance("relative", 4e-15, 1e-6))
+@SECTION.case("S7", "The hit point does not depend on the length of the direction.", LAST_DIGITS)
 def scaled(subject: Subject) -> Iterator[Measurement]:
     rng, n = np.random.default_rng(7), subject.count(200)
     origins = subject.cast(4 * normalize(rng.normal(size=(n, 3))))
@@ -115,7 +114,7 @@ def scaled(subject: Subject) -> Iterator[Measurement]:
         yield _against(subject, np.zeros(3), 1.0, origins, directions, f"length 1e{power}")
 
 
-@SECTION.case("S8", "t is as exact a million metres from the origin.", Tolerance("relative", 4e-15, 1e-6))
+@SECTION.case("S8", "t is as exact a million metres from the origin.", LAST_DIGITS)
 def far_scene(subject: Subject) -> Iterator[Measurement]:
     rng, n = np.random.default_rng(8), subject.count(400)
     origins = subject.cast(1e6 + 5 * normalize(rng.normal(size=(n, 3))))
