@@ -9,9 +9,9 @@ from typing import Annotated, Literal, NamedTuple, get_args
 
 from pydantic import BaseModel, ConfigDict, Field
 
-Outcome = Literal["pass", "xfail", "fail", "skip"]
+CheckOutcome = Literal["pass", "xfail", "fail", "skip"]
 """xfail: the precision has no tolerance for the case (an expected failure); skip: the engine's `why_not` refuses the scene."""
-PASS, XFAIL, FAIL, SKIP = OUTCOMES = get_args(Outcome)
+PASS, XFAIL, FAIL, SKIP = OUTCOMES = get_args(CheckOutcome)
 
 
 class CheckResult(BaseModel):
@@ -37,7 +37,7 @@ class CheckResult(BaseModel):
     error: float
     unit: str
     tolerance: float
-    outcome: Outcome
+    outcome: CheckOutcome
     median_ulp: float
     p999_ulp: float
     worst_ulp: float
@@ -85,5 +85,4 @@ def _worst_ulp(result: CheckResult) -> float:
 
 def _share_of_tolerance(result: CheckResult) -> float:
     """Error over tolerance; the error itself where there is no tolerance."""
-    share = result.error / result.tolerance if result.tolerance > 0 else result.error
-    return -share if result.unit == "p" else share
+    return result.error / result.tolerance if result.tolerance > 0 else result.error

@@ -2,5 +2,3 @@
 
 from harness.analysis.model import Analysis, Verdict, seconds_per_sample
 from harness.analysis.verdicts import analyse, baseline_engine_of, error_targets, reports_its_time
-
-__all__ = ["Analysis", "Verdict", "analyse", "baseline_engine_of", "error_targets", "reports_its_time", "seconds_per_sample"]

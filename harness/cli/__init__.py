@@ -1,5 +1,3 @@
 """The command line, `raybench` and `python -m harness`: `commands` has names and help, the other modules do the work."""
 
 from harness.cli.commands import app, main
-
-__all__ = ["app", "main"]

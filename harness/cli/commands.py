@@ -11,7 +11,7 @@ import sys
 import warnings
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, Optional
+from typing import Annotated, Any
 
 import typer
 
@@ -31,13 +31,14 @@ from harness.cli.options import (
     References,
     Scene,
     Set,
+    Size,
     choices,
     engine_lists,
     engines,
+    parameters_of,
     shipped,
     words,
 )
-from harness.cli.options import size as parse_size
 
 app = typer.Typer(
     name="raybench",
@@ -60,8 +61,8 @@ def command(group: str, cls: type[Command] = Command, name: str | None = None) -
     return app.command(name, cls=cls, rich_help_panel=group)
 
 
-def _print_version(wanted: bool) -> None:
-    if wanted:
+def _print_version(asked: bool) -> None:
+    if asked:
         from importlib.metadata import version
 
         typer.echo(f"raybench {version('raybench')}")
@@ -89,8 +90,7 @@ def run(
     allow_commands: AllowCommands = False,
     allow_outside: AllowOutside = False,
     cluster: Annotated[
-        Optional[str],  # noqa: UP045
-        typer.Option(metavar="ADDRESS", help="Render on the machines behind a Dask scheduler, as tcp://host:8786."),
+        str | None, typer.Option(metavar="ADDRESS", help="Render on the machines behind a Dask scheduler, as tcp://host:8786.")
     ] = None,
     references: References = None,
 ) -> None:
@@ -168,28 +168,29 @@ def view(
     references: References = None,
 ) -> None:
     """Open the live viewer in a browser on this machine: images while they are refined, races, Dahlquist's program."""
-    from harness.cli.render import parameters_of
     from harness.view import open_viewer
+    from harness.view.options import ViewOptions
 
-    open_viewer(scene, folder, port, engine, allow_imports, allow_outside, parameters_of(define or []), browser=not no_browser)
+    allowed, parameters = (allow_imports, allow_outside), parameters_of(define)
+    open_viewer(ViewOptions(scene, folder, port, engine, *allowed, parameters, not no_browser))
 
 
 @command(RESULTS)
 def report(
-    folders: Annotated[Optional[list[Path]], typer.Argument(metavar="FOLDER", help="Results folders.")] = None,  # noqa: UP045
+    folders: Annotated[list[Path] | None, typer.Argument(metavar="FOLDER", help="Results folders.")] = None,
     chapter: Annotated[
-        Optional[Path],  # noqa: UP045
+        Path | None,
         typer.Option(
             metavar="DIR",
             help="Write a chapter into this folder instead: tables and figures, with a section for each results folder.",
         ),
     ] = None,
     plot: Annotated[
-        Optional[list[str]],  # noqa: UP045
+        list[str] | None,
         typer.Option(metavar="NAME", help="Show a plot of your own, too: module:function, or a name that a plugin registers."),
     ] = None,
     table: Annotated[
-        Optional[list[str]],  # noqa: UP045
+        list[str] | None,
         typer.Option(metavar="NAME", help="Show a table of your own, too: module:function, or a name that a plugin registers."),
     ] = None,
     allow_imports: AllowImports = False,
@@ -212,7 +213,7 @@ def report(
 def rescore(
     folder: Folder,
     overrides: Annotated[
-        Optional[list[str]],  # noqa: UP045
+        list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="Another quality: --set quality.epsilon=0.1. May be repeated."),
     ] = None,
     references: References = None,
@@ -272,7 +273,7 @@ def status(folder: Folder) -> None:
 @command(CHECKS)
 def verify(
     engine: Annotated[
-        Optional[list[str]],  # noqa: UP045
+        list[str] | None,
         typer.Option(
             "--engine",
             metavar="NAME",
@@ -283,16 +284,13 @@ def verify(
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Fewer rays and parameters: a minute and a half.")] = False,
     only: Annotated[
-        Optional[list[str]],  # noqa: UP045
-        typer.Option("--case", metavar="ID", help="Check only this case or section. May be repeated."),
+        list[str] | None, typer.Option("--case", metavar="ID", help="Check only this case or section. May be repeated.")
     ] = None,
     out: Annotated[
-        Optional[Path],  # noqa: UP045
-        typer.Option("--out", metavar="DIR", help="Results folder.", show_default="results/verify"),
+        Path | None, typer.Option("--out", metavar="DIR", help="Results folder.", show_default="results/verify")
     ] = None,
     jobs: Annotated[
-        Optional[int],  # noqa: UP045
-        typer.Option(min=1, help="Processes that run in parallel.", show_default="one per core, at most 8"),
+        int | None, typer.Option(min=1, help="Processes that run in parallel.", show_default="one per core, at most 8")
     ] = None,
     allow_imports: AllowImports = False,
 ) -> None:
@@ -314,7 +312,7 @@ def equivalence(
     ],
     replicates: Annotated[int, typer.Option(help="Independent images per engine.")] = 16,
     spp: Annotated[int, typer.Option(min=1, help="Samples per pixel of each image.")] = 16,
-    size: Annotated[Any, typer.Option(parser=parse_size, metavar="WxH", help="Pixels.")] = "64x64",
+    size: Size = "64x64",
     shader: Annotated[str, typer.Option(help="A shader's name.", autocompletion=choices("SHADERS"))] = "path_tracer",
     margin: Annotated[float, typer.Option(help="Largest difference of image means that counts as equal, as a share.")] = 0.005,
     tile_margin: Annotated[float, typer.Option(help="The same for tiles of 16x16 pixels.")] = 0.05,
@@ -326,14 +324,13 @@ def equivalence(
     allow_outside: AllowOutside = False,
 ) -> None:
     """Bound the difference of engines' images, in the mean and in any tile. Exit code 1 if they are different."""
-    from harness.cli.render import parameters_of
     from harness.statistics.equivalence import Margins
     from harness.verify.commands.equivalence import EquivalenceOptions, compare
 
     names = [name.strip() for name in engines.split(",") if name.strip()]
     margins, allowed = Margins(margin, tile_margin), (allow_imports, allow_commands, allow_outside)
     options = EquivalenceOptions(
-        scene, names, replicates, spp, size, shader, margins, seed, same_seeds, *allowed, parameters_of(define or [])
+        scene, names, replicates, spp, size, shader, margins, seed, same_seeds, *allowed, parameters_of(define)
     )
     raise typer.Exit(compare(options))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Optional
+from typing import Annotated, Any
 
 import typer
 
@@ -27,25 +27,24 @@ class SeveralFolders(Command):
 
 def compare(
     folders: Annotated[
-        Optional[list[Path]],  # noqa: UP045
-        typer.Argument(metavar="BEFORE AFTER", help="Two results folders.", show_default=False),
+        list[Path] | None, typer.Argument(metavar="BEFORE AFTER", help="Two results folders.", show_default=False)
     ] = None,
     before: Annotated[
-        Optional[list[Path]],  # noqa: UP045
+        list[Path] | None,
         typer.Option("--before", metavar="FOLDER...", help="Results folders before the change, one per session."),
     ] = None,
     after: Annotated[
-        Optional[list[Path]],  # noqa: UP045
+        list[Path] | None,
         typer.Option("--after", metavar="FOLDER...", help="Results folders after it. Three or more per side are tested."),
     ] = None,
     everything: Annotated[bool, typer.Option("--all", help="Also show what did not change.")] = False,
-    output: Annotated[Optional[Path], typer.Option("-o", "--output", help="Write all rows: .csv, .md or .tex.")] = None,  # noqa: UP045
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Write all rows: .csv, .md or .tex.")] = None,
     fail_on_regression: Annotated[
         bool,
         typer.Option("--fail-on-regression", help="Exit code 1 if something became slower or worse, failed or was flagged."),
     ] = False,
     threshold: Annotated[
-        Optional[str],  # noqa: UP045
+        str | None,
         typer.Option(
             metavar="SHARE",
             help="Smallest increase of a time or error that is a regression. By default the config's same_within, and 10% for "
@@ -57,5 +56,5 @@ def compare(
     from harness.cli import results
 
     limit = None if threshold is None else results.share(threshold)
-    found = results.compare(*results.sides(folders or [], before or [], after or []), everything, output, limit)
-    raise typer.Exit(1 if found and fail_on_regression else 0)
+    regressions = results.compare(*results.sides(folders or [], before or [], after or []), everything, output, limit)
+    raise typer.Exit(1 if regressions and fail_on_regression else 0)

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from harness.cli.options import AllowImports, AllowOutside, Define, Scene, words
+from harness.cli.options import AllowImports, AllowOutside, Define, Scene, parameters_of, words
 
 
 def export(
@@ -31,10 +31,9 @@ def export(
     """Write a scene for another renderer, with its camera and a path integrator."""
     from engines.peers.export import export as exported
     from engines.scene import load_scene
-    from harness.cli.render import parameters_of
     from harness.config import paths
 
-    held = load_scene(paths.find("scenes", scene), allow_imports, allow_outside, parameters_of(define or []))
+    held = load_scene(paths.find("scenes", scene), allow_imports, allow_outside, parameters_of(define))
     typer.echo(f"written: {exported(held, to, output, max_depth, spp)}")
 
 
@@ -47,14 +46,13 @@ def import_(
     """Write a Mitsuba scene as a raybench scene: YAML, with its meshes and images beside it."""
     from engines.errors import ConfigError
     from engines.scene import load_scene, save_scene
-    from harness.cli.render import parameters_of
     from harness.config import paths
     from harness.console import consoles
 
     file = paths.find("scenes", scene)
     if file.suffix.lower() != ".xml":
         raise ConfigError(f"{scene}: a Mitsuba file, .xml, is expected")
-    held = load_scene(file, allow_outside=allow_outside, parameters=parameters_of(define or []))
+    held = load_scene(file, allow_outside=allow_outside, parameters=parameters_of(define))
     for warning in held.warnings:
         consoles()[1].print(f"warning: {file}: {warning}", style="yellow", markup=False, soft_wrap=True)
     typer.echo(f"written: {save_scene(held, output)}")

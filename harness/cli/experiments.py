@@ -130,10 +130,10 @@ def _planned(given: str, out: Path | None, overrides: Sequence[str], allowed: Al
 
 def _plan_references(console: Console, made: Plan) -> None:
     root = reference_files.cache_folder()
-    for wanted in made.references.values():
-        state = "ready" if references.ready(wanted, root) else "to be rendered"
-        what = f"{wanted.describe()}, {wanted.settings.shader}, by {wanted.spec['engine']}"
-        samples = reference_samples.sufficiency(wanted, root, made.experiment.quality).message
+    for needed in made.references.values():
+        state = "ready" if references.ready(needed, root) else "to be rendered"
+        what = f"{needed.describe()}, {needed.settings.shader}, by {needed.spec['engine']}"
+        samples = reference_samples.sufficiency(needed, root, made.experiment.quality).message
         console.print(f"reference of {what}: {state}; {samples}", soft_wrap=True, markup=False)
 
 
@@ -198,17 +198,17 @@ def reference(given: str, out: Path | None, overrides: Sequence[str], allowed: A
     failed = 0
     try:
         with store.locked(folder), Pool(allowed[0], folder / "worker.log", most_bytes) as pool:
-            for wanted in made.references.values():
-                where = wanted.folder(root)
-                name = wanted.describe()
+            for needed in made.references.values():
+                where = needed.folder(root)
+                name = needed.describe()
                 try:
-                    ready = references.ready(wanted, root)
+                    ready = references.ready(needed, root)
                     if not ready:
                         with progress.Terminal(stderr) as terminal:
-                            _make_reference(wanted, root, pool, terminal, name)
-                    samples = reference_samples.sufficiency(wanted, root, made.experiment.quality).message
+                            _make_reference(needed, root, pool, terminal, name)
+                    samples = reference_samples.sufficiency(needed, root, made.experiment.quality).message
                     stdout.print(f"{name}: {'ready' if ready else 'made'} in {where}; {samples}", soft_wrap=True)
-                    failed += _certified(wanted, root, pool, stdout, stderr)
+                    failed += _certified(needed, root, pool, stdout, stderr)
                 except WorkerFailed as error:
                     failed += 1
                     stdout.print(f"{name}: failed: {error}", markup=False, soft_wrap=True)
@@ -218,9 +218,9 @@ def reference(given: str, out: Path | None, overrides: Sequence[str], allowed: A
     return 1 if failed else 0
 
 
-def _make_reference(wanted: Any, root: Path, pool: Any, terminal: Any, name: str) -> None:
+def _make_reference(needed: Any, root: Path, pool: Any, terminal: Any, name: str) -> None:
     references.make(
-        wanted,
+        needed,
         root,
         pool,
         lambda done, count: terminal.reference(name, done, count),
@@ -228,18 +228,18 @@ def _make_reference(wanted: Any, root: Path, pool: Any, terminal: Any, name: str
     )
 
 
-def _certified(wanted: Any, root: Path, pool: Any, stdout: Console, stderr: Console) -> bool:
+def _certified(needed: Any, root: Path, pool: Any, stdout: Console, stderr: Console) -> bool:
     """Certifies a reference; whether the engine of another lineage makes another image."""
-    if wanted.certifier is None:
-        stdout.print(f"{wanted.describe()}: uncertified", markup=False, soft_wrap=True)
+    if needed.certifier is None:
+        stdout.print(f"{needed.describe()}: uncertified", markup=False, soft_wrap=True)
         return False
-    found = certificates.existing(wanted, root)
-    if found is None:
-        name = f"{wanted.describe()}, certificate"
+    certificate = certificates.existing(needed, root)
+    if certificate is None:
+        name = f"{needed.describe()}, certificate"
         with progress.Terminal(stderr) as terminal:
-            found = certificates.make(wanted, root, pool, lambda i, n: terminal.reference(name, i, n))
-    stdout.print(f"{wanted.describe()}: {certificate_text(found)}", markup=False, soft_wrap=True)
-    return refutes(found)
+            certificate = certificates.make(needed, root, pool, lambda i, n: terminal.reference(name, i, n))
+    stdout.print(f"{needed.describe()}: {certificate_text(certificate)}", markup=False, soft_wrap=True)
+    return refutes(certificate)
 
 
 def status(folder: Path) -> None:

@@ -3,13 +3,25 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Optional
+from typing import Annotated, Any
 
 import typer
 
-from harness.cli.options import DEFAULT_ENGINE, AllowCommands, AllowImports, AllowOutside, Define, Scene, engines, words
+from harness.cli.options import (
+    DEFAULT_ENGINE,
+    AllowCommands,
+    AllowImports,
+    AllowOutside,
+    Define,
+    Scene,
+    Size,
+    Threads,
+    engines,
+    parameters_of,
+    parse_size,
+    words,
+)
 from harness.cli.options import choices as named
-from harness.cli.options import size as parse_size
 
 _FILE = "Image file: .exr, .png, .jpg (quality 95), .bmp, .tif or .webp (lossless)."
 
@@ -36,15 +48,14 @@ def render(
         ),
     ] = "",
     accelerator: Annotated[str, typer.Option(help="A name, or a mapping with options.")] = "auto",
-    threads: Annotated[Optional[int], typer.Option(help="Number of threads.", show_default="every core")] = None,  # noqa: UP045
+    threads: Threads = None,
     spp: Annotated[int, typer.Option(help="Samples per pixel.")] = 16,
     size: Annotated[
-        Optional[Any],  # noqa: UP045
-        typer.Option(parser=parse_size, metavar="WxH", help="Pixels.", show_default="the scene's"),
+        Any | None, typer.Option(parser=parse_size, metavar="WxH", help="Pixels.", show_default="the scene's")
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed of the sampler: another seed gives another noise.")] = 1,
     precision: Annotated[
-        Optional[str],  # noqa: UP045
+        str | None,
         typer.Option(help="float64 or float32.", show_default="the engine's", autocompletion=words("float64", "float32")),
     ] = None,
     tone_mapper: Annotated[
@@ -53,39 +64,24 @@ def render(
             help="linear, srgb, reinhard, aces or module:attribute; not for .exr.", autocompletion=named("TONE_MAPPERS")
         ),
     ] = "srgb",
-    output: Annotated[Optional[Path], typer.Option("-o", "--output", help=_FILE, show_default="<scene>.exr")] = None,  # noqa: UP045
+    output: Annotated[Path | None, typer.Option("-o", "--output", help=_FILE, show_default="<scene>.exr")] = None,
     define: Define = None,
     allow_imports: AllowImports = False,
     allow_commands: AllowCommands = False,
     allow_outside: AllowOutside = False,
 ) -> None:
     """Render one image: .exr (linear, with variance and both halves), or 8-bit .png, .jpg, .bmp, .tif or .webp."""
-    from harness.cli.render import Request, parameters_of
+    from harness.cli.render import Request
     from harness.cli.render import render as rendered
 
     chosen = {"shader": shader, "sampler": sampler, "accelerator": accelerator}
-    rendered(
-        Request(
-            scene,
-            engine,
-            chosen,
-            threads,
-            spp,
-            size,
-            seed,
-            precision,
-            tone_mapper,
-            output,
-            allow_imports,
-            allow_commands,
-            allow_outside,
-            parameters_of(define or []),
-        )
-    )
+    image = threads, spp, size, seed, precision, tone_mapper, output
+    allowed = allow_imports, allow_commands, allow_outside
+    rendered(Request(scene, engine, chosen, *image, *allowed, parameters_of(define)))
 
 
 def dahlquist(
-    size: Annotated[Any, typer.Option(parser=parse_size, metavar="WxH", help="Pixels.")] = "320x480",
+    size: Size = "320x480",
     calls: Annotated[int, typer.Option(help="Number of frame calls; the frame of the last one is written.")] = 1,
     time_elapsed: Annotated[
         int, typer.Option(help="Elapsed time given to each call; 3000 are a unit of the animation's time.")
@@ -103,14 +99,14 @@ def dahlquist(
             help="Light probe, the image that balls reflect: checker or smooth.", autocompletion=words("checker", "smooth")
         ),
     ] = "checker",
-    probe_image: Annotated[Optional[Path], typer.Option(help="An 8-bit image as the light probe.")] = None,  # noqa: UP045
-    background_image: Annotated[Optional[Path], typer.Option(help="An 8-bit image as the background.")] = None,  # noqa: UP045
+    probe_image: Annotated[Path | None, typer.Option(help="An 8-bit image as the light probe.")] = None,
+    background_image: Annotated[Path | None, typer.Option(help="An 8-bit image as the background.")] = None,
     engine: Annotated[
         str, typer.Option(help="numpy or numba; the frames are the same.", autocompletion=words("numpy", "numba"))
     ] = "numba",
-    threads: Annotated[Optional[int], typer.Option(help="Number of threads.", show_default="every core")] = None,  # noqa: UP045
+    threads: Threads = None,
     animate: Annotated[
-        Optional[int],  # noqa: UP045
+        int | None,
         typer.Option(metavar="N", help="Write the frames of N calls, from the last of --calls on, to a folder, .gif or .mp4."),
     ] = None,
     fps: Annotated[float, typer.Option(help="Frames per second of a .gif or .mp4.")] = 25.0,
@@ -121,22 +117,6 @@ def dahlquist(
     """Draw the frames of N. Dahlquist's Android ray tracer (2012), byte for byte."""
     from harness.cli.dahlquist import Request, draw
 
-    request = Request(
-        size,
-        calls,
-        time_elapsed,
-        not no_reflections,
-        not no_probe,
-        interlaced,
-        exact,
-        redraw,
-        probe,
-        probe_image,
-        background_image,
-        engine,
-        threads,
-        animate,
-        fps,
-        output,
-    )
-    draw(request)
+    switches = not no_reflections, not no_probe, interlaced, exact, redraw
+    pictures = probe, probe_image, background_image
+    draw(Request(size, calls, time_elapsed, *switches, *pictures, engine, threads, animate, fps, output))

@@ -29,11 +29,11 @@ def show() -> None:
     engines = _table("engines", "", "", "")
     for name in engine_names():
         try:
-            found = engine(name)
-            accelerators[name] = found.accelerators()
-            samplers[name] = getattr(found, "samplers", dict)()
-            shaders[name] = getattr(found, "shaders", dict)()
-            engines.add_row(name, _version(found.version), _first_sentence(found))
+            loaded = engine(name)
+            accelerators[name] = loaded.accelerators()
+            samplers[name] = getattr(loaded, "samplers", dict)()
+            shaders[name] = getattr(loaded, "shaders", dict)()
+            engines.add_row(name, _version(loaded.version), _first_sentence(loaded))
         except RaybenchError as error:
             engines.add_row(name, "", f"cannot be loaded: {escape(str(error))}")
         except Exception as error:  # what others wrote may fail in any way

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Optional
+from typing import Annotated, Any
 
 import typer
 from typer.core import TyperCommand, TyperGroup
@@ -39,7 +39,7 @@ class Group(TyperGroup):
         try:
             return super().invoke(ctx)
         except typer.BadParameter as error:
-            error.message = _found_and_wanted(error.__cause__) or error.message
+            error.message = _reason(error.__cause__) or error.message
             raise
 
 
@@ -47,16 +47,16 @@ BOUNDS = {"greater_than_equal": ("ge", "at least"), "less_than_equal": ("le", "a
 """Kinds of pydantic's errors: the key of the bound, and words."""
 
 
-def _found_and_wanted(cause: BaseException | None) -> str | None:
-    """What pydantic says of a number, with the value that was found; None of anything else."""
+def _reason(cause: BaseException | None) -> str | None:
+    """What pydantic says of a number, with the value that was given; None of anything else."""
     errors = getattr(cause, "errors", None)
-    found = errors()[0] if errors else {}
-    kind = found.get("type", "")
+    error = errors()[0] if errors else {}
+    kind = error.get("type", "")
     if kind in BOUNDS:
-        key, words = BOUNDS[kind]
-        return f"{found['input']}: must be {words} {found['ctx'][key]}"
-    wanted = {"int_parsing": "an integer", "float_parsing": "a number"}.get(kind)
-    return f"{found['input']!r}: must be {wanted}" if wanted else None
+        key, bound = BOUNDS[kind]
+        return f"{error['input']}: must be {bound} {error['ctx'][key]}"
+    expected = {"int_parsing": "an integer", "float_parsing": "a number"}.get(kind)
+    return f"{error['input']!r}: must be {expected}" if expected else None
 
 
 def shipped(kind: str) -> Callable[[str], list[str]]:
@@ -100,15 +100,30 @@ def choices(table: str) -> Callable[[str], list[str]]:
     return complete
 
 
-def size(text: str) -> tuple[int, int]:
+def parameters_of(definitions: Sequence[str] | None) -> dict[str, str]:
+    """Values of a Mitsuba file's parameters by name, from texts `name=value`. Raises `ConfigError`."""
+    from engines.errors import ConfigError
+
+    values: dict[str, str] = {}
+    for text in definitions or ():
+        name, equals, value = text.partition("=")
+        if not (name.isidentifier() and equals):
+            raise ConfigError(f"-D {text}: must look like name=value")
+        if name in values:
+            raise ConfigError(f"-D {text}: {name} is given twice")
+        values[name] = value
+    return values
+
+
+def parse_size(text: str) -> tuple[int, int]:
     """Width and height in pixels, from `256x192`. Raises `ConfigError`."""
     from engines.errors import ConfigError
     from harness.config.kinds import width_and_height
 
-    found = width_and_height(text)
-    if found is None:
+    size = width_and_height(text)
+    if size is None:
         raise ConfigError(f"--size {text}: width and height are expected, as 256x192")
-    return found
+    return size
 
 
 Config = Annotated[
@@ -125,13 +140,14 @@ Scene = Annotated[
         autocompletion=shipped("scenes"),
     ),
 ]
+Size = Annotated[Any, typer.Option(parser=parse_size, metavar="WxH", help="Pixels.")]
+Threads = Annotated[int | None, typer.Option(help="Number of threads.", show_default="every core")]
 Folder = Annotated[Path, typer.Argument(metavar="FOLDER", help="A results folder.")]
 Out = Annotated[
-    Optional[Path],  # noqa: UP045
-    typer.Option("--out", metavar="DIR", file_okay=False, help="Results folder.", show_default="results/<name>"),
+    Path | None, typer.Option("--out", metavar="DIR", file_okay=False, help="Results folder.", show_default="results/<name>")
 ]
 Set = Annotated[
-    Optional[list[str]],  # noqa: UP045
+    list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Override a key: --set budget.max_time=5s. May be repeated."),
 ]
 
@@ -143,7 +159,7 @@ def _keep_references(folder: Path | None) -> Path | None:
 
 
 References = Annotated[
-    Optional[Path],  # noqa: UP045
+    Path | None,
     typer.Option(
         metavar="DIR",
         file_okay=False,
@@ -160,6 +176,6 @@ AllowCommands = Annotated[
 ]
 AllowOutside = Annotated[bool, typer.Option("--allow-outside", help="Read files that the scene names outside of its folder.")]
 Define = Annotated[
-    Optional[list[str]],  # noqa: UP045
+    list[str] | None,
     typer.Option("-D", metavar="NAME=VALUE", help="Set the parameter $NAME of a Mitsuba file. May be repeated."),
 ]

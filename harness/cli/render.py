@@ -96,19 +96,6 @@ def render(request: Request) -> Film:
     return film
 
 
-def parameters_of(given: Sequence[str]) -> dict[str, str]:
-    """Values of parameters by their names, from `name=value`."""
-    found: dict[str, str] = {}
-    for text in given:
-        name, equals, value = text.partition("=")
-        if not (name.isidentifier() and equals):
-            raise ConfigError(f"-D {text}: must look like name=value")
-        if name in found:
-            raise ConfigError(f"-D {text}: {name} is given twice")
-        found[name] = value
-    return found
-
-
 def _tone_mapper(name: str, allow_imports: bool) -> ToneMapper:
     """The tone mapper of a name or of `module:attribute`, after a pixel has shown that it works."""
     if ":" not in name:
@@ -139,13 +126,13 @@ def _chosen(request: Request) -> dict[str, Choice]:
     chosen: dict[str, Choice] = {}
     for kind, written in request.chosen.items():
         text = written or DEFAULTS[kind]
-        given = parse_yaml(text, f"--{kind}", ConfigError).plain() if text.lstrip().startswith("{") else {"name": text}
-        if not isinstance(given, dict) or not isinstance(given.get("name"), str):
+        choice = parse_yaml(text, f"--{kind}", ConfigError).plain() if text.lstrip().startswith("{") else {"name": text}
+        if not isinstance(choice, dict) or not isinstance(choice.get("name"), str):
             raise ConfigError(f"--{kind} {text}: a name, or {{name: ..., option: value}}, is expected")
-        if kind in tables and ":" not in given["name"]:
-            chosen[kind] = resolve(kind, given, known(kind, given["name"], tables[kind]))
+        if kind in tables and ":" not in choice["name"]:
+            chosen[kind] = resolve(kind, choice, known(kind, choice["name"], tables[kind]))
         else:
-            chosen[kind] = completed(kind, Choice.of(given), request.allow_imports)
+            chosen[kind] = completed(kind, Choice.of(choice), request.allow_imports)
     return chosen
 
 

@@ -18,23 +18,3 @@ from harness.config.experiment import (
 from harness.config.files import ConfigFile, override, read_file
 from harness.config.kinds import RECORDED
 from harness.config.settings import Budget
-
-__all__ = [
-    "RECORDED",
-    "SCHEMA_VERSION",
-    "Budget",
-    "Checkpoints",
-    "ConfigFile",
-    "Experiment",
-    "Limits",
-    "Quality",
-    "ReferenceConfig",
-    "VerifyConfig",
-    "experiment_schema",
-    "load",
-    "override",
-    "parse",
-    "read_file",
-    "read_quality",
-    "recorded",
-]

@@ -37,36 +37,3 @@ from harness.store.folder import (
 )
 from harness.store.json_files import read_json, write_json
 from harness.store.reference_files import reference_arrays
-
-__all__ = [
-    "DERIVED",
-    "EVENTS",
-    "IMAGES",
-    "LOCK",
-    "MANIFEST",
-    "TORN",
-    "WINNERS",
-    "Events",
-    "check_results",
-    "clear",
-    "compress",
-    "config_of",
-    "derived_is_fresh",
-    "discard_images",
-    "events_file",
-    "image_file",
-    "image_path",
-    "is_locked",
-    "last_event",
-    "latest_cells",
-    "latest_verify_jobs",
-    "locked",
-    "make_out",
-    "of_kind",
-    "read_events",
-    "read_json",
-    "read_manifest",
-    "reference_arrays",
-    "write_json",
-    "write_manifest",
-]

@@ -12,5 +12,3 @@ the cases, compares each measurement with a tolerance (`tolerances`) and gives a
 from harness.check_results import CheckResult
 from harness.verify.results_file import read_results
 from harness.verify.suite import CASES, run_suite
-
-__all__ = ["CASES", "CheckResult", "read_results", "run_suite"]

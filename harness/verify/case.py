@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from harness.verify.tolerances import Tolerance
 
 if TYPE_CHECKING:
     from harness.verify.subject import Subject
@@ -34,12 +36,13 @@ def measurement(errors: Any, parameter: str = "", ulps: Array | None = None, not
     return Measurement(np.atleast_1d(np.asarray(errors, np.float64)), parameter, ulps, note)
 
 
-Check = Callable[["Subject"], Iterable[Measurement]]
+CheckFunction = Callable[["Subject"], Iterable[Measurement]]
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """`description` is one sentence, `source` the publication or program that the case comes from.
+    """`description` is one sentence, `source` the publication or program that the case comes from, `tolerance` what its
+    measurements are compared with.
 
     With `each_accelerator` the case runs once with every accelerator of an engine, otherwise with `auto`. A quick run leaves
     out `full_only` cases.
@@ -48,10 +51,15 @@ class Case:
     id: str
     section: str
     description: str
+    tolerance: Tolerance
     source: str
-    check: Check
+    check: CheckFunction
     each_accelerator: bool
     full_only: bool
+
+    def accelerators(self, names: Sequence[str]) -> Sequence[str]:
+        """Those of an engine's accelerators that it runs with."""
+        return names if self.each_accelerator else ["auto"]
 
 
 @dataclass
@@ -62,11 +70,13 @@ class Section:
     cases: list[Case] = field(default_factory=list)
     each_accelerator: bool = False
 
-    def case(self, id: str, description: str, source: str, full_only: bool = False) -> Callable[[Check], Check]:
+    def case(
+        self, id: str, description: str, tolerance: Tolerance, source: str = "raybench", full_only: bool = False
+    ) -> Callable[[CheckFunction], CheckFunction]:
         """Registers the decorated function as the check of a case."""
 
-        def add(check: Check) -> Check:
-            self.cases.append(Case(id, self.name, description, source, check, self.each_accelerator, full_only))
+        def add(check: CheckFunction) -> CheckFunction:
+            self.cases.append(Case(id, self.name, description, tolerance, source, check, self.each_accelerator, full_only))
             return check
 
         return add

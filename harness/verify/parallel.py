@@ -11,8 +11,8 @@ import os
 import select
 import warnings
 from collections import deque
-from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from functools import cache
 from time import perf_counter
@@ -27,7 +27,7 @@ from harness.check_results import CheckResult
 from harness.processes import python_path
 from harness.verify.case import Case
 from harness.verify.subject import Skipped, Subject, accelerator_names, precisions
-from harness.verify.suite import CASES, failure, run_case
+from harness.verify.suite import CASES, case_of, failure, run_case
 from harness.verify.tolerances import tracing_precision
 
 T = TypeVar("T")
@@ -64,28 +64,6 @@ class Job(NamedTuple):
     def description(self) -> str:
         return f"{self.engine.spec} {self.precision} {self.section}"
 
-    def subject(self, accelerator: str) -> Subject:
-        return Subject(_engine(self.engine.spec), self.precision, accelerator, self.quick)
-
-    def subject_without_engine(self, accelerator: str) -> Subject:
-        """A subject that has the engine's name and version only: for the result of a process that died."""
-        name, version = self.engine.name, self.engine.version
-        engine: Any = SimpleNamespace(name=name, version=version, tracing_precision=self.tracing)
-        return Subject(engine, self.precision, accelerator, self.quick)
-
-
-class Describe(NamedTuple):
-    """Asks a worker process for the `EngineInfo` of an engine."""
-
-    spec: str
-
-
-class Run(NamedTuple):
-    """Asks a worker process for the results of a job's checks, each a list, from check `first` on."""
-
-    job: Job
-    first: int
-
 
 @dataclass
 class RunningJob:
@@ -95,6 +73,17 @@ class RunningJob:
     job: Job
     results: list[list[CheckResult]] = field(default_factory=list)
     since: float = 0.0
+
+    @property
+    def finished(self) -> bool:
+        return len(self.results) == len(self.job.checks)
+
+    def fail(self, note: str) -> None:
+        """The process died of the next check, which is a failure of it."""
+        case, accelerator = self.job.checks[len(self.results)]
+        name, version = self.job.engine.name, self.job.engine.version
+        engine: Any = SimpleNamespace(name=name, version=version, tracing_precision=self.job.tracing)
+        self.results.append([failure(case_of(case), Subject(engine, self.job.precision, accelerator, self.job.quick), note)])
 
 
 class FinishedJob(NamedTuple):
@@ -108,31 +97,11 @@ class FinishedJob(NamedTuple):
 
 def describe_engines(specs: Sequence[str]) -> list[EngineInfo]:
     """What these engines have, each reported by a process of its own; one that dies or fails has a `problem`."""
-    workers: list[_Worker] = []
-    try:
-        for spec in specs:
-            workers.append(_Worker())
-            workers[-1].ask(Describe(spec))
-        return [worker.receive_info(spec) for worker, spec in zip(workers, specs, strict=True)]
-    finally:
-        for worker in workers:
-            worker.end()
-
-
-def _describe(spec: str) -> EngineInfo:
-    """What an engine has, in this process."""
-    try:
-        engine, traced, refusal = _engine(spec), (), ""
-        try:
-            traced = tuple((precision, tracing_precision(engine, precision)) for precision in precisions(engine))
-        except Skipped as reason:
-            refusal = str(reason)
-        names = tuple(accelerator_names(engine))
-        return EngineInfo(spec, engine.name, str(engine.version), traced, names, refusal=refusal)
-    except RaybenchError as error:
-        return EngineInfo(spec, problem=str(error))
-    except Exception as error:  # third-party code may raise anything
-        return EngineInfo(spec, problem=f"engine {spec!r}: {type(error).__name__}: {error}")
+    with ExitStack() as stack:
+        workers = [_Worker(stack) for _ in specs]
+        for worker, spec in zip(workers, specs, strict=True):
+            worker.call(_describe, spec)
+        return [worker.description(spec) for worker, spec in zip(workers, specs, strict=True)]
 
 
 def make_jobs(engines: Sequence[EngineInfo], quick: bool, cases: Sequence[Case] = CASES) -> list[Job]:
@@ -146,7 +115,7 @@ def make_jobs(engines: Sequence[EngineInfo], quick: bool, cases: Sequence[Case] 
                     (case.id, accelerator)
                     for case in chosen
                     if case.section == section
-                    for accelerator in (engine.accelerators if case.each_accelerator else ["auto"])
+                    for accelerator in case.accelerators(engine.accelerators)
                 ]
                 jobs.append(Job(engine, precision, tracing, section, quick, tuple(checks)))
     return jobs
@@ -157,49 +126,51 @@ def run_jobs(jobs: Sequence[Job], processes: int) -> Iterator[FinishedJob]:
     waiting = deque(RunningJob(number, job) for number, job in enumerate(jobs))
     busy: dict[Channel, tuple[_Worker, RunningJob]] = {}
     idle: list[_Worker] = []
-    try:
+    with ExitStack() as stack:
         while waiting or busy:
             while waiting and len(busy) < processes:
-                worker = idle.pop() if idle else _Worker()
-                busy[worker.channel] = worker, worker.begin(waiting.popleft())
+                worker, running = idle.pop() if idle else _Worker(stack), waiting.popleft()
+                running.since = running.since or perf_counter()
+                worker.begin(running)
+                busy[worker.channel] = worker, running
             for channel in select.select(list(busy), [], [])[0]:
                 worker, running = busy[channel]
-                alive = worker.receive_results(running)
-                finished = len(running.results) == len(running.job.checks)
-                if alive and not finished:
-                    continue
-                del busy[channel]
-                if alive:
+                try:
+                    running.results.append(worker.receive(list))
+                    if not running.finished:
+                        worker.begin(running)
+                        continue
                     idle.append(worker)
-                if finished:
+                except _Died as death:
+                    running.fail(str(death))
+                del busy[channel]
+                if running.finished:
                     results = [result for results in running.results for result in results]
                     yield FinishedJob(running.number, running.job, results, perf_counter() - running.since)
-                else:  # the process died: another one does the rest
+                else:  # another process does the rest
                     waiting.appendleft(running)
-    finally:
-        for worker in [*idle, *(worker for worker, _ in busy.values())]:
-            worker.end()
 
 
 class _Worker:
-    """The parent's end of a process."""
+    """The parent's end of a process that calls functions of this module; it ends with `stack`."""
 
-    def __init__(self) -> None:
+    def __init__(self, stack: ExitStack) -> None:
         environment = {**os.environ, "PYTHONPATH": python_path(users_folders())}
         self.process = Process("harness.verify.parallel:serve", environment=environment)
+        stack.callback(self.process.kill)
         (self.channel,) = self.process.channels
 
-    def ask(self, request: Describe | Run) -> None:
+    def call(self, function: Callable[..., Any], *arguments: Any) -> None:
+        """Asks for a value, which `receive` returns."""
         with suppress(Closed):  # the process died while idle: `receive` notices it
-            pickled.send(self.channel, request)
+            pickled.send(self.channel, (function, arguments))
 
-    def begin(self, running: RunningJob) -> RunningJob:
-        running.since = running.since or perf_counter()
-        self.ask(Run(running.job, len(running.results)))
-        return running
+    def begin(self, running: RunningJob) -> None:
+        """Asks for the results of a job's next check."""
+        self.call(_check, running.job, *running.job.checks[len(running.results)])
 
     def receive(self, kind: type[T]) -> T:
-        """The next answer. Raises `_Died`."""
+        """The value asked for. Raises `_Died`."""
         try:
             answer = pickled.receive(self.channel)
             if not isinstance(answer, kind):
@@ -209,51 +180,52 @@ class _Worker:
             ending = self.process.ended()
         except (BadMessage, pickled.Unreadable) as error:
             ending = f"was killed: {error}"
-        self.end()
+        self.process.kill()
         raise _Died(f"the engine's process {ending}")
 
-    def receive_results(self, running: RunningJob) -> bool:
-        """Adds the results of one check; False where the process has died of it, which is a failure of the check."""
-        try:
-            running.results.append(self.receive(list))
-        except _Died as death:
-            case, accelerator = running.job.checks[len(running.results)]
-            subject = running.job.subject_without_engine(accelerator)
-            running.results.append([failure(_case(case), subject, str(death))])
-            return False
-        return True
-
-    def receive_info(self, spec: str) -> EngineInfo:
+    def description(self, spec: str) -> EngineInfo:
         """What the process reports of an engine, or how it died of loading it."""
         try:
             return self.receive(EngineInfo)
         except _Died as death:
             return EngineInfo(spec, problem=f"engine {spec!r}: {death} when it was loaded")
 
-    def end(self) -> None:
-        self.process.kill()
-
 
 class _Died(Exception):
     """A worker process has ended; says how."""
 
 
-def _case(id: str) -> Case:
-    return next(case for case in CASES if case.id == id)
+# ---- in a worker process ---------------------------------------------------------------------------------------------
 
 
 def serve(descriptors: Sequence[int], arguments: Sequence[str]) -> None:
-    """The worker process: answers until the parent closes the socket `descriptors[0]`."""
+    """Calls functions until the parent closes the socket `descriptors[0]`."""
     from threadpoolctl import threadpool_limits
 
     warnings.formatwarning = lambda message, *_, **__: f"raybench: warning: {message}\n"
     channel = Channel.at(descriptors[0])
     with threadpool_limits(1), suppress(Closed):
         while True:
-            request = pickled.receive(channel)
-            if isinstance(request, Describe):
-                pickled.send(channel, _describe(request.spec))
-                continue
-            job, first = request
-            for case, accelerator in job.checks[first:]:
-                pickled.send(channel, list(run_case(_case(case), job.subject(accelerator))))
+            function, values = pickled.receive(channel)
+            pickled.send(channel, function(*values))
+
+
+def _check(job: Job, case: str, accelerator: str) -> list[CheckResult]:
+    subject = Subject(_engine(job.engine.spec), job.precision, accelerator, job.quick)
+    return list(run_case(case_of(case), subject))
+
+
+def _describe(spec: str) -> EngineInfo:
+    """What an engine has."""
+    try:
+        engine, traced, refusal = _engine(spec), (), ""
+        try:
+            traced = tuple((precision, tracing_precision(engine, precision)) for precision in precisions(engine))
+        except Skipped as reason:
+            refusal = str(reason)
+        names = tuple(accelerator_names(engine))
+        return EngineInfo(spec, engine.name, str(engine.version), traced, names, refusal=refusal)
+    except RaybenchError as error:
+        return EngineInfo(spec, problem=str(error))
+    except Exception as error:  # third-party code may raise anything
+        return EngineInfo(spec, problem=f"engine {spec!r}: {type(error).__name__}: {error}")

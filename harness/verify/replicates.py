@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
 from engines.scene import Light, Material, Shape
 from harness.verify.case import Array, Measurement, measurement
+from harness.verify.scenes import path_tracer
 from harness.verify.subject import Subject
 from harness.verify.tolerances import LARGEST_Z, ROUNDING
 
@@ -33,6 +34,26 @@ def means(
     """(REPLICATES,) means of an image to a power; the images differ in their seeds only."""
     images = (subject.image(shapes, materials, lights, view, shader, spp, seed=1 + k, **settings) for k in range(REPLICATES))
     return np.array([float(np.mean(image**power)) for image in images])
+
+
+def by_strategy(
+    subject: Subject,
+    shapes: Sequence[Shape],
+    materials: Sequence[Material],
+    lights: Sequence[Light],
+    view: Any,
+    truth: float,
+    name: str,
+    spp: int = 1,
+    strategies: Sequence[str] = STRATEGIES,
+    max_depth: int = 2,
+    **options: Any,
+) -> Iterator[Measurement]:
+    """The z score of the path tracer's mean image, by each way to sample direct light; `options` are the shader's."""
+    for direct in strategies:
+        shader = {**path_tracer(max_depth, direct), **options}
+        replicates = means(subject, shapes, materials, lights, view, shader, spp)
+        yield z_score(subject, replicates, truth, f"{name}, {direct}")
 
 
 def z_score(subject: Subject, replicates: Array, truth: float, parameter: str, largest: float = LARGEST_ERROR) -> Measurement:

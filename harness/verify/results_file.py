@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,8 +10,8 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from engines.errors import ConfigError
-from engines.input_files import open_regular
 from harness.check_results import CheckResult, counts
+from harness.store import read_json
 
 FORMAT_VERSION = 2
 """2: outcomes are pass, xfail, fail and skip; the rows are `results`."""
@@ -29,10 +28,9 @@ def document(results: Sequence[CheckResult], quick: bool) -> dict[str, Any]:
 def read_results(path: str | Path) -> list[CheckResult]:
     """The results in a verify.json. Raises `ConfigError` for what is none, and for one of another format version."""
     try:
-        with open_regular(Path(path)) as file:
-            data = json.loads(file.read())
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"{path}: cannot be read as JSON: {error}") from error
+        data = read_json(Path(path))
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror or error}") from error
     version = data.get("raybench_verify") if isinstance(data, dict) else None
     if not isinstance(version, int) or isinstance(version, bool):
         raise ConfigError(f"{path}: not results of raybench verify: the key 'raybench_verify' is missing")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -109,13 +110,26 @@ def sphere_mesh(rings: int, center: ArrayLike = ORIGIN, radius: float = 1.0, ind
     return mesh(np.asarray(center) + radius * out, np.concatenate(faces), index)
 
 
+def triangles(corners: ArrayLike) -> Mesh:
+    """Separate triangles of these corners (n, 3, 3)."""
+    vertices = np.reshape(corners, (-1, 3))
+    return mesh(vertices, np.arange(len(vertices)).reshape(-1, 3))
+
+
 def triangle_soup(count: int, size: float, seed: int = 0) -> Mesh:
     """Random triangles of about `size` in the unit cube."""
     rng = np.random.default_rng(seed)
     corners = rng.random((count, 1, 3)) + size * (rng.random((count, 3, 3)) - 0.5)
-    return mesh(corners.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3))
+    return triangles(corners)
 
 
 def normalize(vectors: ArrayLike) -> Array:
-    given = np.asarray(vectors, np.float64)
-    return given / np.linalg.norm(given, axis=-1, keepdims=True)
+    """Unit vectors (..., 3)."""
+    values = np.asarray(vectors, np.float64)
+    return values / np.linalg.norm(values, axis=-1, keepdims=True)
+
+
+def direction(polar: float, azimuth: float) -> Array:
+    """A unit vector (3,) from degrees; the polar angle is from +y."""
+    theta, phi = math.radians(polar), math.radians(azimuth)
+    return np.array([math.sin(theta) * math.cos(phi), math.cos(theta), math.sin(theta) * math.sin(phi)])

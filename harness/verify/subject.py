@@ -14,7 +14,8 @@ from engines.choices import UNBIASED, own_samplers, shaders_and_samplers
 from engines.errors import RaybenchError
 from engines.interface import Engine, Hits, Renderer, Settings
 from engines.scene import Light, Material, Scene, Shape
-from harness.verify.scenes import FRONT_CAMERA, UNIT_TRIANGLE, scene, sphere
+from harness.verify.scenes import FRONT_CAMERA, UNIT_TRIANGLE, sphere
+from harness.verify.scenes import scene as scene_of
 from harness.verify.tolerances import tracing_precision
 
 Array = NDArray[np.float64]
@@ -64,34 +65,34 @@ class Subject:
         x, y, z = self.cast(values)
         return float(x), float(y), float(z)
 
-    def renderer(self, given: Scene, **settings: Any) -> Renderer:
+    def renderer(self, scene: Scene, **settings: Any) -> Renderer:
         """A renderer; without a sampler in `settings`, with the first unbiased sampler of the engine.
 
         Raises `Skipped` where `why_not` refuses the scene.
         """
         samplers = [settings["sampler"]] if "sampler" in settings else [*UNBIASED, *own_samplers(self.engine)]
-        return self._first(given, [{**settings, "sampler": sampler} for sampler in samplers])
+        return self._first(scene, [{**settings, "sampler": sampler} for sampler in samplers])
 
     def tracer(self, *shapes: Shape, **settings: Any) -> Renderer:
         """A renderer for single rays of shapes of material 0, with any shader and sampler that the engine has."""
         choices = [{**choice, **settings} for choice in shaders_and_samplers(self.engine)]
-        return self._first(scene(shapes, camera=FRONT_CAMERA), choices)
+        return self._first(scene_of(shapes, camera=FRONT_CAMERA), choices)
 
-    def _first(self, given: Scene, choices: Sequence[dict[str, Any]]) -> Renderer:
+    def _first(self, scene: Scene, choices: Sequence[dict[str, Any]]) -> Renderer:
         """A renderer with the first of these settings that the engine accepts. Raises `Skipped` where it accepts none."""
         reasons = []
         for choice in choices:
             settings = Settings(**{"precision": self.precision, "accelerator": self.accelerator, **choice})
-            reason = refusal(self.engine, given, settings)
+            reason = refusal(self.engine, scene, settings)
             if reason is None:
-                return self.engine.prepare(given, settings)
+                return self.engine.prepare(scene, settings)
             reasons.append(reason)
         raise Skipped(reasons[0])
 
-    def accepted(self, samplers: Sequence[Any], given: Scene, shader: Any) -> list[Any]:
+    def accepted(self, samplers: Sequence[Any], scene: Scene, shader: Any) -> list[Any]:
         """Those of these samplers that the engine has. Raises `Skipped` where it has none."""
         base = {"precision": self.precision, "accelerator": self.accelerator, "shader": shader}
-        reasons = [refusal(self.engine, given, Settings(sampler=sampler, **base)) for sampler in samplers]
+        reasons = [refusal(self.engine, scene, Settings(sampler=sampler, **base)) for sampler in samplers]
         if None not in reasons:
             raise Skipped(reasons[0] or "")
         return [sampler for sampler, reason in zip(samplers, reasons, strict=True) if reason is None]
@@ -110,9 +111,15 @@ class Subject:
         **settings: Any,
     ) -> Array:
         """(height, width) red channel of the mean; infinite everywhere where the film holds a bad sample."""
-        film = self.renderer(scene(shapes, materials, lights, camera), shader=shader, **settings).render(spp)
+        film = self.renderer(scene_of(shapes, materials, lights, camera), shader=shader, **settings).render(spp)
         seen = film.mean()[:, :, 0]
         return np.full_like(seen, np.inf) if film.bad_samples else seen
+
+    def radiance(
+        self, shapes: Sequence[Shape], materials: Sequence[Material], lights: Sequence[Light], view: Any, shader: Any
+    ) -> float:
+        """The red channel of the first pixel of an image, by one ray through its centre."""
+        return float(self.image(shapes, materials, lights, view, shader, sampler="constant")[0, 0])
 
 
 def accelerator_names(engine: Engine) -> list[str]:
@@ -120,10 +127,10 @@ def accelerator_names(engine: Engine) -> list[str]:
     return [name for name in engine.accelerators() if name != "auto"] or ["auto"]
 
 
-def refusal(engine: Engine, given: Scene, settings: Settings) -> str | None:
+def refusal(engine: Engine, scene: Scene, settings: Settings) -> str | None:
     """The answer of `why_not`; a name that the engine does not know is a refusal, too."""
     try:
-        return engine.why_not(given, settings)
+        return engine.why_not(scene, settings)
     except RaybenchError as error:
         return str(error)
 
@@ -133,15 +140,15 @@ def precisions(engine: Engine) -> list[str]:
 
     A precision counts where `why_not` accepts an empty scene, one triangle or one sphere with any shader and sampler.
     """
-    scenes = [scene(shapes, camera=FRONT_CAMERA) for shapes in ([], [UNIT_TRIANGLE], [sphere()])]
-    found, reason = [], ""
+    scenes = [scene_of(shapes, camera=FRONT_CAMERA) for shapes in ([], [UNIT_TRIANGLE], [sphere()])]
+    accepted, reason = [], ""
     for name in ("float64", "float32"):
-        for given, choice in product(scenes, shaders_and_samplers(engine)):
-            answer = refusal(engine, given, Settings(precision=name, **choice))
+        for scene, choice in product(scenes, shaders_and_samplers(engine)):
+            answer = refusal(engine, scene, Settings(precision=name, **choice))
             if answer is None:
-                found.append(name)
+                accepted.append(name)
                 break
             reason = reason or answer
-    if not found:
+    if not accepted:
         raise Skipped(reason)
-    return found
+    return accepted

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from engines.interface import Engine
-from harness.check_results import FAIL, PASS, SKIP, XFAIL, CheckResult, Outcome
+from harness.check_results import FAIL, PASS, SKIP, XFAIL, CheckOutcome, CheckResult
 from harness.measure.messages import End, Parent, Results
 from harness.suites import Check
 from harness.verify.case import Case, Measurement
@@ -34,28 +34,16 @@ from harness.verify.checks import (
     triangles,
 )
 from harness.verify.subject import Skipped, Subject, accelerator_names, precisions
-from harness.verify.tolerances import ENGINE_TOLERANCES, TOLERANCES, Tolerance
+from harness.verify.tolerances import ENGINE_TOLERANCES, Tolerance
 
-SECTIONS = (
-    spheres.SECTION,
-    cylinders.SECTION,
-    triangles.SECTION,
-    accelerators.SECTION,
-    rays.SECTION,
-    spawned_rays.SECTION,
-    cameras.SECTION,
-    glass.SECTION,
-    materials.SECTION,
-    models.SECTION,
-    textures.SECTION,
-    furnaces.SECTION,
-    lights.SECTION,
-    skies.SECTION,
-    sampling.SECTION,
-    stability.SECTION,
-)
-CASES: tuple[Case, ...] = tuple(case for section in SECTIONS for case in section.cases)
+_TRACING = (spheres, cylinders, triangles, accelerators, rays, spawned_rays, cameras)
+_RENDERING = (glass, materials, models, textures, furnaces, lights, skies, sampling, stability)
+CASES: tuple[Case, ...] = tuple(case for module in (*_TRACING, *_RENDERING) for case in module.SECTION.cases)
 """Every case, in the order of the tables."""
+
+
+def case_of(id: str) -> Case:
+    return next(case for case in CASES if case.id == id)
 
 
 def select_cases(names: Sequence[str]) -> list[Case]:
@@ -74,7 +62,7 @@ def checks(engine: Engine, names: Sequence[str]) -> Iterator[Check]:
         for precision in precisions(engine):
             for case in select_cases(names):
                 source = inspect.getsource(inspect.getmodule(case.check) or case.check)
-                for accelerator in accelerator_names(engine) if case.each_accelerator else ["auto"]:
+                for accelerator in case.accelerators(accelerator_names(engine)):
                     yield Check(case.id, precision, accelerator, source)
 
 
@@ -84,7 +72,7 @@ def run_suite(engines: Sequence[Engine], quick: bool = False, cases: Sequence[Ca
         for precision in precisions(engine):
             for case in cases:
                 if not (quick and case.full_only):
-                    for name in accelerator_names(engine) if case.each_accelerator else ["auto"]:
+                    for name in case.accelerators(accelerator_names(engine)):
                         yield from run_case(case, Subject(engine, precision, name, quick))
 
 
@@ -103,9 +91,8 @@ def run_case(case: Case, subject: Subject) -> Iterator[CheckResult]:
 
 def job(engine: Engine, request: Mapping[str, Any], parent: Parent) -> None:
     """What a measuring worker does for a `Check`: sends the results of its case, each a `CheckResult` as plain data."""
-    case = next(case for case in CASES if case.id == request["case"])
     subject = Subject(engine, request["precision"], request["accelerator"], request["quick"])
-    parent.send(Results([dict(result) for result in run_case(case, subject)]))
+    parent.send(Results([dict(result) for result in run_case(case_of(request["case"]), subject)]))
     parent.send(End({}, {}))
 
 
@@ -115,13 +102,11 @@ def failure(case: Case, subject: Subject, note: str, seconds: float = 0.0) -> Ch
 
 
 def _error(tolerance: Tolerance, errors: Any) -> float:
-    """The one number of a measurement: the sum for `wrong`, the smallest p value for `p`, else the largest error."""
+    """The one number of a measurement: the sum for `wrong`, else the largest error."""
     if errors.size == 0:
         return float("nan")
     if tolerance.unit == "wrong":
         return float(np.where(np.isnan(errors), 1.0, errors).sum())
-    if tolerance.unit == "p":
-        return float(np.min(errors))
     return float(np.max(np.where(np.isnan(errors), np.inf, np.abs(errors))))
 
 
@@ -129,24 +114,22 @@ def _median_error(errors: Any) -> float:
     return float(np.median(np.where(np.isnan(errors), np.inf, np.abs(errors)))) if errors.size else float("nan")
 
 
-def _compared(case: Case, subject: Subject, tolerance: Tolerance, measured: Measurement, error: float) -> tuple[float, Outcome]:
+def _compared(case: Case, subject: Subject, measured: Measurement, error: float) -> tuple[float, CheckOutcome]:
     """(tolerance, outcome). Without a tolerance in this precision the outcome is pass within that of float64, else xfail."""
     own = ENGINE_TOLERANCES.get((subject.engine.name, subject.precision), {})
-    limit = own[case.id] if case.id in own else tolerance.limit(subject.tracing, measured.parameter)
-    wanted = limit if limit is not None else tolerance.limit("float64", measured.parameter)
-    if wanted is None:
+    limit = own[case.id] if case.id in own else case.tolerance.limit(subject.tracing, measured.parameter)
+    bound = limit if limit is not None else case.tolerance.limit("float64", measured.parameter)
+    if bound is None:
         raise KeyError(f"case {case.id}: no tolerance for {measured.parameter!r}")
-    good = error >= wanted if tolerance.unit == "p" else error <= wanted
     if limit is None:
-        return float("nan"), PASS if good else XFAIL
-    return float(limit), PASS if good else FAIL
+        return float("nan"), PASS if error <= bound else XFAIL
+    return float(limit), PASS if error <= bound else FAIL
 
 
-def _result(case: Case, subject: Subject, measured: Measurement, outcome: Outcome | None, seconds: float) -> CheckResult:
-    tolerance = TOLERANCES[case.id]
-    error, limit = _error(tolerance, measured.errors), float("nan")
+def _result(case: Case, subject: Subject, measured: Measurement, outcome: CheckOutcome | None, seconds: float) -> CheckResult:
+    error, limit = _error(case.tolerance, measured.errors), float("nan")
     if outcome is None:
-        limit, outcome = _compared(case, subject, tolerance, measured, error)
+        limit, outcome = _compared(case, subject, measured, error)
     ulps = measured.ulps if measured.ulps is not None else np.full(1, np.nan)
     median, p999, worst = (float(np.quantile(ulps, q, method="higher")) for q in (0.5, 0.999, 1.0))
     return CheckResult(
@@ -162,7 +145,7 @@ def _result(case: Case, subject: Subject, measured: Measurement, outcome: Outcom
         parameter=measured.parameter,
         count=measured.errors.size,
         error=error,
-        unit=tolerance.unit,
+        unit=case.tolerance.unit,
         tolerance=limit,
         outcome=outcome,
         median_ulp=median,

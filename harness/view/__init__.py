@@ -7,26 +7,15 @@ render of one tab only. They exchange `messages`. In the worker a controller run
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from pathlib import Path
-
 from engines.errors import ConfigError
 from engines.packages import install_extra
+from harness.view.options import ViewOptions
 
 
-def open_viewer(
-    scene: str,
-    folder: Path,
-    port: int,
-    engine: str,
-    allow_imports: bool,
-    allow_outside: bool,
-    parameters: Mapping[str, str],
-    browser: bool,
-) -> None:
+def open_viewer(options: ViewOptions) -> None:
     """Serves until interrupted. Raises `ConfigError` where the extra `view` is not installed, and where `server.serve` does."""
     try:
         from harness.view.server import serve
     except ImportError as error:
         raise ConfigError(f"the viewer needs {error.name}: {install_extra('view')}") from error
-    serve(scene, folder, port, engine, allow_imports, allow_outside, parameters, browser)
+    serve(options)

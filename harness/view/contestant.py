@@ -88,12 +88,12 @@ class Contestant:
     def crossings(self) -> list[dict[str, Any]]:
         """When each target was reached, and whether the noise of the reference leaves that in doubt, as in reports."""
         metric, cell = self._recorder.metric, self.cell
-        curve, found = curve_of(self._record.points, metric, cell.smooth_sampler, cell.reproducible), []
+        curve, crossings = curve_of(self._record.points, metric, cell.smooth_sampler, cell.reproducible), []
         for target in self._recorder.plan.experiment.quality.targets or ():
             crossing = crossing_seconds(curve, as_error(metric, target))
             reliable = crossing.noise <= 1 / CLEAR_ERRORS
-            found.append({"target": target, "seconds": crossing.x.high, "state": crossing.state, "reliable": reliable})
-        return found
+            crossings.append({"target": target, "seconds": crossing.x.high, "state": crossing.state, "reliable": reliable})
+        return crossings
 
     def finish(self) -> None:
         """Writes the event of the cell."""

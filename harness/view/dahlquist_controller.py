@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 import threading
-import traceback
 from collections import deque
 from collections.abc import Callable
 from statistics import median
 from time import monotonic, perf_counter, sleep
 from typing import Any
 
-import psutil
-
 from engines import dahlquist
-from engines.errors import RaybenchError
 from harness.measure import machine
-from harness.processes import one_line
 from harness.view import requests
-from harness.view.coalescing_queue import CoalescingQueue
-from harness.view.messages import coalescing_key, error_message, packed
+from harness.view.controller import Controller
+from harness.view.messages import state_message
 
 MAX_UNACKNOWLEDGED = 2
 FOCAL = 2.6
@@ -37,17 +32,17 @@ ORIGINAL = (
 2.1 GHz, with reflections and environment, without interlacing."""
 
 
-class DahlquistController:
+class DahlquistController(Controller):
     """Runs the page of Dahlquist's program."""
 
     def __init__(self, send: Callable[[bytes], None]) -> None:
-        self._send = send
-        self._work = CoalescingQueue()
+        super().__init__(send)
         self._tracer: dahlquist.Tracer | None = None
         self._switches = requests.SwitchesRequest(type="switches")
         self._seconds: deque[float] = deque(maxlen=60)
         self._call_times: deque[float] = deque(maxlen=120)
-        self._running, self._seq, self._threads = False, 0, 1
+        self._running, self._threads = False, 1
+        self._last_call = self._last_state = monotonic()
         self._unacknowledged, self._acknowledged = 0, threading.Condition()
 
     def receive(self, request: Any) -> None:
@@ -55,60 +50,51 @@ class DahlquistController:
             with self._acknowledged:
                 self._unacknowledged = max(0, self._unacknowledged - 1)
                 self._acknowledged.notify()
-            return
-        key = coalescing_key(request.type, getattr(request, "finger", None))
-        self._work.put(request, key)
+        else:
+            super().receive(request)
 
     def start(self) -> None:
-        fields = {"original": ORIGINAL, "cores": len(machine.usable_cores()), "engines": dahlquist.ENGINES}
-        self._send(packed({"type": "menu", **fields}))
+        self._message("menu", original=ORIGINAL, cores=len(machine.usable_cores()), engines=dahlquist.ENGINES)
 
-    def run(self) -> None:
-        last_call = last_state = monotonic()
-        while True:
-            request = self._work.take(0.0 if self._running else None)
-            try:
-                while request is not None:
-                    self._handle(request)
-                    request = self._work.take(0.0)
-                if self._running:
-                    now = monotonic()
-                    self._call(min(now - last_call, 0.25))
-                    last_call = now
-                    if now - last_state >= STATE_SECONDS:
-                        self._send_state()
-                        last_state = now
-            except Exception as error:
-                if not isinstance(error, RaybenchError):
-                    traceback.print_exc()
-                self._send(error_message(one_line(error)))
-                self._running = False
-                self._send_state()
-
-    def _handle(self, request: Any) -> None:
-        self._seq = max(self._seq, request.seq)
-        if isinstance(request, requests.DahlquistRequest):
-            self._prepare(request)
-        elif isinstance(request, requests.SwitchesRequest):
-            self._switches = request
-            self._apply_switches()
-        elif isinstance(request, requests.TouchRequest) and self._tracer is not None:
-            self._touch(self._tracer, request)
-        elif isinstance(request, requests.HoldRequest) and self._tracer is not None:
-            self._hold(self._tracer, request)
-        elif request.type in ("stop", "resume"):
-            self._running = request.type == "resume" and self._tracer is not None
+    def _step(self) -> None:
+        """Handles the requests that wait, then calls the program; waits for a request while it is stopped."""
+        request = self._work.take(0.0 if self._running else None)
+        while request is not None:
+            self._handle(request)
+            request = self._work.take(0.0)
+        if not self._running:
+            return
+        now = monotonic()
+        self._call(min(now - self._last_call, 0.25))
+        self._last_call = now
+        if now - self._last_state >= STATE_SECONDS:
             self._send_state()
+            self._last_state = now
 
-    def _prepare(self, request: requests.DahlquistRequest) -> None:
+    def _rest(self) -> None:
         self._running = False
-        self._send(packed({"type": "state", "state": "busy", "activity": "compiling", "seq": self._seq}))
+        self._send_state()
+
+    def _on_stop(self, request: Any) -> None:
+        self._rest()
+
+    def _on_resume(self, request: Any) -> None:
+        self._running = self._tracer is not None
+        self._send_state()
+
+    def _on_dahlquist(self, request: requests.DahlquistRequest) -> None:
+        self._running = False
+        self._send(state_message("busy", self._seq, activity="compiling"))
         self._threads = threads = requests.limited_threads(request.threads)
         self._tracer = dahlquist.Tracer(request.width, request.height, engine=request.engine, threads=threads)
         self._tracer.call(0)
         self._apply_switches()
         self._running = True
         self._send_state()
+
+    def _on_switches(self, request: requests.SwitchesRequest) -> None:
+        self._switches = request
+        self._apply_switches()
 
     def _apply_switches(self) -> None:
         """Applies the switches and, as in the original, restarts the measurement of rates."""
@@ -121,22 +107,29 @@ class DahlquistController:
         if self._tracer.environment != chosen.environment:
             self._tracer.environment = chosen.environment
 
-    def _touch(self, tracer: dahlquist.Tracer, request: requests.TouchRequest) -> None:
-        if request.type == "touch":
-            sphere = int(tracer.touch(request.x, request.y, request.finger))
-            self._send(packed({"type": "touched", "finger": request.finger, "sphere": sphere}))
-        elif request.type == "move":
-            tracer.move(request.x, request.y, request.finger)
-        else:
-            tracer.release(request.finger)
+    def _on_touch(self, request: requests.TouchRequest) -> None:
+        if self._tracer is not None:
+            sphere = int(self._tracer.touch(request.x, request.y, request.finger))
+            self._message("touched", finger=request.finger, sphere=sphere)
 
-    def _hold(self, tracer: dahlquist.Tracer, request: requests.HoldRequest) -> None:
+    def _on_move(self, request: requests.TouchRequest) -> None:
+        if self._tracer is not None:
+            self._tracer.move(request.x, request.y, request.finger)
+
+    def _on_release(self, request: requests.TouchRequest) -> None:
+        if self._tracer is not None:
+            self._tracer.release(request.finger)
+
+    def _on_hold(self, request: requests.HoldRequest) -> None:
         """Touches a sphere at the projection of its centre, and sends that position. Another sphere may be in front of it."""
+        tracer = self._tracer
+        if tracer is None:
+            return
         depth, right, down = (float(part) for part in tracer.animation.centres[request.sphere])
         width = tracer.frame.shape[1]
         x, y = (width * (FOCAL * part / depth + 0.5) for part in (right, down))
         sphere = int(tracer.touch(x, y, request.finger))
-        self._send(packed({"type": "held", "sphere": sphere, "x": x, "y": y}))
+        self._message("held", sphere=sphere, x=x, y=y)
 
     def _call(self, wall_seconds: float) -> None:
         """Renders a frame and sends it; waits while the page has not acknowledged earlier frames."""
@@ -152,18 +145,17 @@ class DahlquistController:
         with self._acknowledged:
             self._acknowledged.wait_for(lambda: self._unacknowledged < MAX_UNACKNOWLEDGED, 0.5)
             self._unacknowledged += 1
-        self._send(packed({"type": "frame", "width": width, "height": height}, frame.tobytes()))
+        self._message("frame", frame.tobytes(), width=width, height=height)
         sleep(max(0.0, SHORTEST_CALL - elapsed))
 
     def _send_state(self) -> None:
-        fields: dict[str, Any] = {"type": "state", "state": "busy" if self._running else "stopped", "seq": self._seq}
-        fields |= {"activity": "", "memory_bytes": psutil.Process().memory_info().rss}
+        fields: dict[str, Any] = {}
         if self._tracer is not None and len(self._seconds) > 1:
             height, width, _ = self._tracer.frame.shape
             calls = 2 if self._tracer.interlaced else 1  # of a whole frame
             seconds = calls * median(self._seconds)
             span = self._call_times[-1] - self._call_times[0]
-            fields |= {
+            fields = {
                 "frame_seconds": seconds,
                 "rays_per_second": width * height / seconds,
                 "size": f"{width}x{height}",
@@ -172,4 +164,4 @@ class DahlquistController:
                 "threads": self._threads,
                 "frames_per_second": (len(self._call_times) - 1) / span / calls if span else None,
             }
-        self._send(packed(fields))
+        self._send(state_message("busy" if self._running else "stopped", self._seq, **fields))

@@ -41,8 +41,8 @@ class ErrorReference:
 def reference_from_file(path: Path, interactive: InteractiveScene) -> ErrorReference:
     """The radiance of a linear image. Raises `ConfigError` for one of another size, and where `read_image` does."""
     mean = read_image(path)
-    if mean.shape != (wanted := (interactive.height, interactive.width, 3)):
-        size, shown = f"{mean.shape[1]}x{mean.shape[0]}", f"{wanted[1]}x{wanted[0]}"
+    if mean.shape != (shape := (interactive.height, interactive.width, 3)):
+        size, shown = f"{mean.shape[1]}x{mean.shape[0]}", f"{shape[1]}x{shape[0]}"
         raise ConfigError(f"{path.name}: is {size} pixels; the image is {shown}")
     return ErrorReference(mean.astype(np.float32), view_of(interactive), path.name)
 

@@ -33,7 +33,7 @@ class Library:
         return [*shipped, *(str(p.relative_to(self.folder)) for p in self._files() if p.resolve() not in held)]
 
     def _files(self) -> list[Path]:
-        found: list[Path] = []
+        scenes: list[Path] = []
         seen = 0
         for place, folders, files in os.walk(self.folder):
             folders[:] = sorted(name for name in folders if name[:1] not in "._" and name not in UNLISTED)
@@ -41,10 +41,10 @@ class Library:
                 seen += 1
                 path = Path(place, name)
                 if name.endswith(SUFFIXES) and _is_scene(path):
-                    found.append(path)
-            if seen > MAX_VISITED or len(found) >= MAX_LISTED:
+                    scenes.append(path)
+            if seen > MAX_VISITED or len(scenes) >= MAX_LISTED:
                 break
-        return found[:MAX_LISTED]
+        return scenes[:MAX_LISTED]
 
     def find(self, name: str) -> Path:
         """The file of a name. Raises `ConfigError` where there is none, or where the path leaves the folder."""
@@ -58,16 +58,16 @@ class Library:
             raise ConfigError(f"scene {name!r}: there is no such file below {self.folder}")
         return path
 
-    def name_of(self, given: str) -> str:
+    def name_of(self, name: str) -> str:
         """The name of a scene given on the command line, as a path relative to the working folder or a bare name."""
-        here = Path(given).expanduser()
-        if ("/" in given or given.endswith(SUFFIXES)) and here.is_file():
+        here = Path(name).expanduser()
+        if ("/" in name or name.endswith(SUFFIXES)) and here.is_file():
             resolved = here.resolve()
             if not resolved.is_relative_to(self.folder):
-                raise ConfigError(f"{given}: is outside {self.folder}: choose another --folder")
+                raise ConfigError(f"{name}: is outside {self.folder}: choose another --folder")
             return str(resolved.relative_to(self.folder))
-        self.find(given)
-        return given
+        self.find(name)
+        return name
 
     def inside(self, name: str, what: str = "scene") -> Path:
         """The path of `name` below the folder, which need not exist. Raises `ConfigError` where it leaves the folder."""

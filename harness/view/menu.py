@@ -9,12 +9,12 @@ from functools import cache
 from typing import Any
 
 from engines.choices import SAMPLERS, SHADERS, Option
-from engines.errors import RaybenchError
 from engines.interface import Engine, Settings
 from engines.registry import engine, engine_names
 from engines.scene import scene_from
 from engines.tonemap import TONE_MAPPERS
 from harness.measure import machine
+from harness.processes import one_line
 from harness.view.library import Library
 from harness.view.requests import MAX_PIXELS, MAX_SIDE, MAX_SPP
 
@@ -60,16 +60,13 @@ def engines_listed() -> list[dict[str, Any]]:
 
 def _engine(name: str) -> dict[str, Any]:
     try:
-        found: Engine = engine(name)
-        accelerators = _table({"auto": {}, **found.accelerators()})
-        own = _table(getattr(found, "samplers", dict)())
+        loaded: Engine = engine(name)
+        accelerators = _table({"auto": {}, **loaded.accelerators()})
+        own = _table(getattr(loaded, "samplers", dict)())
         samplers = [*SAMPLERS, *(sampler["name"] for sampler in own)]
-        refused = _refused(found, samplers)
-    except RaybenchError as error:
-        return {"name": name, "problem": str(error), "accelerators": [], "samplers": [], "refusals": {}}
+        refused = _refused(loaded, samplers)
     except Exception as error:  # third-party code may raise anything
-        problem = f"{type(error).__name__}: {error}"
-        return {"name": name, "problem": problem, "accelerators": [], "samplers": [], "refusals": {}}
+        return {"name": name, "problem": one_line(error), "accelerators": [], "samplers": [], "refusals": {}}
     problem = _why_nothing(refused["sampler"]) if len(refused["sampler"]) == len(set(samplers)) else None
     return {"name": name, "problem": problem, "accelerators": accelerators, "samplers": own, "refusals": refused}
 

@@ -9,8 +9,14 @@ from __future__ import annotations
 
 import json
 import math
+import traceback
 from collections.abc import Mapping
 from typing import Any
+
+import psutil
+
+from engines.errors import RaybenchError
+from harness.processes import one_line
 
 MAX_REQUEST_BYTES = 1 << 16
 """Bytes of a request, at most."""
@@ -41,6 +47,19 @@ def coalescing_key(type: str, finger: int | None) -> tuple[str, int | None] | No
 def error_message(text: str) -> bytes:
     """A message that the page shows as an error."""
     return packed({"type": "error", "text": text})
+
+
+def failure_message(error: Exception) -> bytes:
+    """The error message of an exception; one that is no `RaybenchError` is a mistake of ours and printed in full."""
+    if not isinstance(error, RaybenchError):
+        traceback.print_exception(error)
+    return error_message(one_line(error))
+
+
+def state_message(state: str, seq: int, **fields: Any) -> bytes:
+    """What a worker does: `state` is idle, busy, stopped or finished; `seq` is of the last request that starts rendering."""
+    memory = psutil.Process().memory_info().rss
+    return packed({"type": "state", "state": state, "seq": seq, "activity": "", "memory_bytes": memory, **fields})
 
 
 def _finite(value: Any) -> Any:

@@ -63,8 +63,8 @@ class AccessMiddleware:
             return "this server answers requests to the local host only"
         if len(origins) > 1 or not set(origins) <= self._origins or (scope["type"] == "websocket" and not origins):
             return "this server answers its own pages only"
-        given = scope["path"][: len(self._prefix)].encode()
-        known = secrets.compare_digest(given, self._prefix.encode())
+        prefix = scope["path"][: len(self._prefix)].encode()
+        known = secrets.compare_digest(prefix, self._prefix.encode())
         if not known or scope["path"][len(self._prefix) :][:1] != "/":
             return "open the address that raybench view printed: it holds the token"
         return None

@@ -6,7 +6,6 @@ It has a thread of its own, so that the render waits neither for tone mapping no
 from __future__ import annotations
 
 import threading
-import traceback
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,19 +13,17 @@ from time import monotonic
 from typing import Any
 
 import numpy as np
-import psutil
 
-from engines.errors import ConfigError, RaybenchError
+from engines.errors import ConfigError
 from engines.film import Film
 from engines.temporary import TemporaryFolder
-from harness.processes import one_line
 from harness.view import requests
 from harness.view.coalescing_queue import CoalescingQueue
 from harness.view.display import Tone, rgba
 from harness.view.error_map import EPSILON, ErrorReference, false_colours, reference_from_file, view_of
 from harness.view.interactive_scene import InteractiveScene, camera_fields
 from harness.view.library import Library
-from harness.view.messages import error_message, packed
+from harness.view.messages import failure_message, packed, state_message
 from harness.view.yaml_export import scene_yaml
 
 FRAME_SECONDS = 0.12
@@ -106,9 +103,7 @@ class Publisher:
                     self.state()
                     last_state = now
             except Exception as error:
-                if not isinstance(error, RaybenchError):
-                    traceback.print_exc()
-                self._send(error_message(one_line(error)))
+                self._send(failure_message(error))
 
     def frame(self, at_once: bool = False) -> bool:
         """Sends the film as a frame. False where there is none, or where the page has not acknowledged earlier frames.
@@ -146,9 +141,7 @@ class Publisher:
     def state(self) -> None:
         """Sends the state: activity, times and rates."""
         now, film = self._view, self._view.full_film()
-        fields: dict[str, Any] = {"type": "state", "state": now.state, "activity": now.activity, "seq": now.seq}
-        memory = psutil.Process().memory_info().rss
-        fields |= {"render_seconds": now.seconds, "target_spp": now.target_spp, "memory_bytes": memory}
+        fields: dict[str, Any] = {"render_seconds": now.seconds, "target_spp": now.target_spp}
         if now.interactive is not None:
             fields |= {"build_seconds": now.interactive.build_seconds, "compile_seconds": now.interactive.compile_seconds}
         if film is not None and now.film is film:
@@ -159,7 +152,7 @@ class Publisher:
                 "rays_per_second": now.rays / seconds if seconds and now.rays else None,
                 "bad_samples": film.bad_samples,
             }
-        self._send(packed(fields))
+        self._send(state_message(now.state, now.seq, activity=now.activity, **fields))
 
     # ---- requests ------------------------------------------------------------------------------------------------------
 

@@ -11,14 +11,12 @@ from engines.errors import ConfigError
 from engines.film import Film
 from engines.interface import Renderer
 from engines.registry import engine as engine_of
-from engines.scene import load_scene
 from engines.schema.yaml_file import locate
 from harness import config, store
-from harness.measure import clock
+from harness.measure import clock, jobs
 from harness.plan import planner
 from harness.plan.cells import Cell, Plan
 from harness.run.sweep import Options, Sweep
-from harness.settings import CellSettings, engine_settings
 from harness.store import records
 from harness.store.results import brief_choice
 from harness.view import requests
@@ -63,16 +61,10 @@ class Replicates:
             self._renderer.stop()
 
     def replicates(self, engine: str, request: Mapping[str, Any], seeds: Sequence[int]) -> Iterator[tuple[Film, float]]:
-        scene = load_scene(
-            request["scene_path"],
-            self._allow_imports,
-            request.get("allow_outside", False),
-            request.get("scene_parameters"),
-            natively=True,
-        )
+        request = {**request, "allow_imports": self._allow_imports}
+        scene, _ = jobs.loaded(request)
         for seed in seeds:
-            settings = engine_settings(CellSettings.of(request["settings"]), seed, self._allow_imports)
-            self._renderer = clock.prepare(engine_of(engine), scene, settings)[0]
+            self._renderer = clock.prepare(engine_of(engine), scene, jobs.settings_of(request, seed))[0]
             start = perf_counter()
             film = self._renderer.render(request["spp"]) if not self._stopped else None
             if film is None or film.spp < request["spp"]:
@@ -129,9 +121,9 @@ class Race:
 def _experiment(request: requests.RaceRequest, scene: Path, parameters: Mapping[str, str]) -> dict[str, Any]:
     """The experiment file of a race."""
     contestants = []
-    for given in request.contestants:
-        settings = {"engine": given.engine, "threads": requests.limited_threads(given.threads), "precision": given.precision}
-        contestants.append({**settings, **{kind: getattr(given, kind) for kind in KINDS}})
+    for chosen in request.contestants:
+        settings = {"engine": chosen.engine, "threads": requests.limited_threads(chosen.threads), "precision": chosen.precision}
+        contestants.append({**settings, **{kind: getattr(chosen, kind) for kind in KINDS}})
     named = {"file": str(scene), "parameters": dict(parameters)} if parameters else str(scene)
     return {
         "raybench_experiment": 1,
@@ -153,11 +145,11 @@ def _experiment(request: requests.RaceRequest, scene: Path, parameters: Mapping[
 def _index_of(cell: Cell, contestants: Sequence[requests.RenderSettings]) -> int:
     """The index of the contestant in the request that a cell belongs to: the one with the most equal settings."""
 
-    def equal_settings(given: requests.RenderSettings) -> int:
+    def equal_settings(requested: requests.RenderSettings) -> int:
         settings = cell.settings.describe()
-        same = [cell.engine == given.engine, settings["threads"] == requests.limited_threads(given.threads)]
-        same.append(given.precision in (None, settings["precision"]))
-        same += [getattr(given, kind).items() <= settings[kind].items() for kind in KINDS]
+        same = [cell.engine == requested.engine, settings["threads"] == requests.limited_threads(requested.threads)]
+        same.append(requested.precision in (None, settings["precision"]))
+        same += [getattr(requested, kind).items() <= settings[kind].items() for kind in KINDS]
         return sum(same)
 
     return max(range(len(contestants)), key=lambda index: equal_settings(contestants[index]))

@@ -4,46 +4,43 @@ from __future__ import annotations
 
 import shutil
 import threading
-import traceback
 from collections.abc import Callable
 from pathlib import Path
 from time import monotonic
 from typing import Any
 
-import psutil
-
-from engines.errors import ConfigError, RaybenchError
+from engines.errors import ConfigError
 from engines.registry import names_a_program
-from harness.processes import one_line
+from harness.measure import clock
 from harness.view import requests
-from harness.view.coalescing_queue import CoalescingQueue
 from harness.view.contestant import Contestant
+from harness.view.controller import Controller
 from harness.view.display import half_floats
 from harness.view.library import Library
 from harness.view.menu import menu
-from harness.view.messages import error_message, packed
+from harness.view.messages import state_message
 from harness.view.race import Race, Stopped
 
 
-class RaceController:
+class RaceController(Controller):
     """Runs the races of a tab. Results are in the folder `scratch`, beside other results, until they are saved by name."""
 
     def __init__(
         self, send: Callable[[bytes], None], library: Library, scratch: Path, allow_imports: bool, allow_outside: bool = False
     ) -> None:
-        self._send, self._library, self._scratch = send, library, scratch
+        super().__init__(send)
+        self._library, self._scratch = library, scratch
         self._allowed = allow_imports, allow_outside
-        self._work = CoalescingQueue()
         self._stopped = threading.Event()
         self._race: Race | None = None
         self._racing: Contestant | None = None
-        self._state, self._seq = "idle", 0
+        self._state = "idle"
 
     def receive(self, request: Any) -> None:
         if request.type == "stop":
             self._stopped.set()
             self._interrupt()
-        self._work.put(request)
+        super().receive(request)
 
     def _interrupt(self) -> None:
         race, contestant = self._race, self._racing
@@ -53,36 +50,18 @@ class RaceController:
             contestant.renderer.stop()
 
     def start(self) -> None:
-        self._send_message("menu", **menu(self._library))
+        self._message("menu", **menu(self._library))
 
-    def run(self) -> None:
-        while True:
-            request = self._work.take()
-            self._seq = max(self._seq, request.seq)
-            try:
-                getattr(self, f"_on_{request.type}", self._refuse)(request)
-            except Stopped:
-                self._set_state("stopped")
-            except Exception as error:
-                if not isinstance(error, RaybenchError):
-                    traceback.print_exc()
-                self._send(error_message(one_line(error)))
-                self._set_state("stopped")
-
-    def _refuse(self, request: Any) -> None:
-        raise ConfigError(f"a race has no request {request.type!r}")
+    def _rest(self) -> None:
+        self._set_state("stopped")
 
     def _on_stop(self, request: Any) -> None:
         self._set_state(self._state)
 
-    def _send_message(self, type: str, **fields: Any) -> None:
-        self._send(packed({"type": type, **fields}))
-
     def _set_state(self, state: str, activity: str = "", racing: int | None = None) -> None:
         """`racing` is the index of the contestant that renders."""
         self._state = state
-        memory = psutil.Process().memory_info().rss
-        self._send_message("state", state=state, activity=activity, racing=racing, seq=self._seq, memory_bytes=memory)
+        self._send(state_message(state, self._seq, activity=activity, racing=racing))
 
     # ---- the race ----------------------------------------------------------------------------------------------------
 
@@ -95,14 +74,16 @@ class RaceController:
         for settings in request.contestants:
             if names_a_program(settings.engine):
                 raise ConfigError(f"{settings.engine}: external renderers are not run from a page")
-        race = self._race = Race(request, (scene, parameters), self._scratch, self._allowed, self._send_message)
-        self._send_message("contestants", names=race.names, targets=request.targets, width=request.width, height=request.height)
+        race = self._race = Race(request, (scene, parameters), self._scratch, self._allowed, self._message)
+        self._message("contestants", names=race.names, targets=request.targets, width=request.width, height=request.height)
         try:
             self._set_state("busy", "rendering the reference")
             race.references()
             self._send_references()
             self._prepare()
             self._render_slices(request.slice_seconds)
+        except Stopped:
+            self._stopped.set()
         finally:
             self._racing = None
             race.close()
@@ -122,7 +103,7 @@ class RaceController:
             height, width, _ = reference.mean.shape
             fields = {"contestants": contestants, "width": width, "height": height, "epsilon": epsilon, "maps": maps}
             pixels = reference.mean.clip(-65504, 65504).astype("<f2").tobytes()
-            self._send(packed({"type": "reference", **fields, "spp": reference.spp}, pixels))
+            self._message("reference", pixels, **fields, spp=reference.spp)
 
     def _prepare(self) -> None:
         assert self._race is not None
@@ -150,17 +131,18 @@ class RaceController:
 
     def _send_contestant(self, index: int, contestant: Contestant) -> None:
         assert contestant.renderer is not None
-        fields = {
-            "contestant": index,
-            "seconds": contestant.seconds,
-            "spp": contestant.spp,
-            "done": contestant.done,
-            "points": contestant.points,
-            "crossings": contestant.crossings(),
-            "phases": contestant.phases,
-            "rays": _rays(contestant),
-        }
-        self._send(packed({"type": "contestant", **fields}, half_floats(contestant.renderer.film)))
+        self._message(
+            "contestant",
+            half_floats(contestant.renderer.film),
+            contestant=index,
+            seconds=contestant.seconds,
+            spp=contestant.spp,
+            done=contestant.done,
+            points=contestant.points,
+            crossings=contestant.crossings(),
+            phases=contestant.phases,
+            rays=clock.rays_traced(contestant.renderer),
+        )
 
     # ---- saving -------------------------------------------------------------------------------------------------
 
@@ -181,10 +163,5 @@ class RaceController:
 
         write_derived(target)
         folder = str(target.relative_to(self._library.folder))
-        self._send_message("saved", name=request.name, folder=folder, seconds=monotonic() - began)
+        self._message("saved", name=request.name, folder=folder, seconds=monotonic() - began)
         self._set_state(state)
-
-
-def _rays(contestant: Contestant) -> float | None:
-    found = contestant.renderer.counters().get("rays") if contestant.renderer is not None else None
-    return None if found is None else float(found)

@@ -196,6 +196,6 @@ def checked(message: Mapping[str, Any]) -> Any:
     return request
 
 
-def limited_threads(wanted: int) -> int:
+def limited_threads(threads: int) -> int:
     """The number of threads, at most that of usable cores."""
-    return min(wanted, len(machine.usable_cores()))
+    return min(threads, len(machine.usable_cores()))

@@ -8,10 +8,9 @@ import re
 import socket
 import uuid
 import webbrowser
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
 
 import uvicorn
 from markupsafe import escape
@@ -26,13 +25,14 @@ from engines.registry import engine_names
 from harness.view.library import Library
 from harness.view.messages import MAX_REQUEST_BYTES, error_message
 from harness.view.middleware import HEADERS, AccessMiddleware, new_token
+from harness.view.options import ViewOptions
 from harness.view.render_slots import MAX_TABS, RenderSlots
 from harness.view.session import Session
 from harness.view.worker_pool import WorkerPool
 
 PAGES = ("view", "race", "dahlquist")
 TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css"}
-REPORT_ASSETS = ("report.css", "colours.js", "decode.js")
+REPORT_ASSETS = ("report.css", "theme.js", "colours.js", "decode.js")
 REPORT_POLICY = (
     "sandbox allow-scripts; default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:"
 )
@@ -43,19 +43,11 @@ PING_SECONDS = 20.0
 class Server:
     """The pages, sockets and workers of one `raybench view`."""
 
-    def __init__(
-        self,
-        folder: Path,
-        scene: str,
-        engine: str = "",
-        allow_imports: bool = False,
-        allow_outside: bool = False,
-        parameters: Mapping[str, str] | None = None,
-    ) -> None:
-        self.library = Library(folder)
-        self._scene, self._engine, self._allow_imports = self.library.name_of(scene), engine, allow_imports
-        self._allow_outside, self._parameters = allow_outside, {self._scene: dict(parameters or {})}
-        self._workers, self._slots = WorkerPool(allow_imports), RenderSlots()
+    def __init__(self, options: ViewOptions) -> None:
+        self._options = options
+        self.library = Library(options.folder)
+        self._scene = self.library.name_of(options.scene)
+        self._workers, self._slots = WorkerPool(options.allow_imports), RenderSlots()
         self._tabs: set[Session] = set()
         self._assets = _assets()
 
@@ -81,7 +73,7 @@ class Server:
             return PlainTextResponse("404: no such page\n", 404, HEADERS)
         body, kind = self._assets[name]
         if kind == "text/html":
-            for key, value in (("scene", self._scene), ("engine", self._engine)):
+            for key, value in (("scene", self._scene), ("engine", self._options.engine)):
                 body = body.replace(f'data-{key}=""'.encode(), f'data-{key}="{escape(value)}"'.encode())
         return Response(body, media_type=kind, headers=HEADERS)
 
@@ -106,11 +98,16 @@ class Server:
             await websocket.send_bytes(error_message(f"{MAX_TABS} pages are already open: close one and reload this one"))
             await websocket.close(1013)
             return
-        begin: dict[str, Any] = {"type": "begin", "page": page, "folder": str(self.library.folder)}
-        begin |= {"allow_imports": self._allow_imports, "allow_outside": self._allow_outside, "scratch": None}
-        begin["parameters"] = self._parameters
-        if page == "race":
-            begin["scratch"] = str(self.library.folder / "results" / f".race-{uuid.uuid4().hex[:12]}")
+        scratch = str(self.library.folder / "results" / f".race-{uuid.uuid4().hex[:12]}") if page == "race" else None
+        begin = {
+            "type": "begin",
+            "page": page,
+            "folder": str(self.library.folder),
+            "allow_imports": self._options.allow_imports,
+            "allow_outside": self._options.allow_outside,
+            "parameters": {self._scene: dict(self._options.parameters)},
+            "scratch": scratch,
+        }
         session = Session(websocket, self._workers, self._slots, begin)
         self._tabs.add(session)
         try:
@@ -121,40 +118,31 @@ class Server:
 
 def _assets() -> dict[str, tuple[bytes, str]]:
     """Name -> (bytes, media type) of the pages and their assets."""
-    found = {}
+    assets = {}
     for item in files("harness.view").joinpath("page").iterdir():
         if (suffix := Path(item.name).suffix) in TYPES:
-            found[item.name] = item.read_bytes(), TYPES[suffix]
+            assets[item.name] = item.read_bytes(), TYPES[suffix]
     for name in REPORT_ASSETS:
-        found[name] = files("harness.report.html").joinpath(name).read_bytes(), TYPES[Path(name).suffix]
-    return found
+        assets[name] = files("harness.report.html").joinpath(name).read_bytes(), TYPES[Path(name).suffix]
+    return assets
 
 
-def serve(
-    scene: str,
-    folder: Path,
-    port: int = 0,
-    engine: str = "",
-    allow_imports: bool = False,
-    allow_outside: bool = False,
-    parameters: Mapping[str, str] | None = None,
-    browser: bool = True,
-) -> None:
+def serve(options: ViewOptions) -> None:
     """Serves until interrupted. Raises `ConfigError` for a missing folder or scene, and for a port in use."""
-    if not folder.is_dir():
-        raise ConfigError(f"--folder {folder}: is not a folder")
-    if engine and engine not in engine_names():
-        raise UnknownName("engine", engine, engine_names())
-    if parameters and not scene.endswith(".xml"):
-        raise ConfigError(f"{scene}: parameters (-D) are for Mitsuba's XML files")
-    server = Server(folder, scene, engine, allow_imports, allow_outside, parameters)
+    if not options.folder.is_dir():
+        raise ConfigError(f"--folder {options.folder}: is not a folder")
+    if options.engine and options.engine not in engine_names():
+        raise UnknownName("engine", options.engine, engine_names())
+    if options.parameters and not options.scene.endswith(".xml"):
+        raise ConfigError(f"{options.scene}: parameters (-D) are for Mitsuba's XML files")
+    server = Server(options)
     listening = socket.socket()
     listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
-        listening.bind(("127.0.0.1", port))
+        listening.bind(("127.0.0.1", options.port))
         listening.listen(128)  # a browser that connects before the server runs waits
     except (OSError, OverflowError) as error:
-        raise ConfigError(f"--port {port}: {getattr(error, 'strerror', None) or error}") from error
+        raise ConfigError(f"--port {options.port}: {getattr(error, 'strerror', None) or error}") from error
     port, token = listening.getsockname()[1], new_token()
     config = uvicorn.Config(
         AccessMiddleware(server.app(), port, token),
@@ -169,7 +157,7 @@ def serve(
     )
     address = f"http://127.0.0.1:{port}/{token}/"
     print(f"raybench view: {address} (Ctrl-C ends it)", flush=True)
-    if browser:
+    if options.browser:
         webbrowser.open(address)
     with contextlib.suppress(KeyboardInterrupt):
         asyncio.run(uvicorn.Server(config).serve(sockets=[listening]))

@@ -6,7 +6,6 @@ publisher (`publisher`) sends frames and the state, and answers requests that do
 
 from __future__ import annotations
 
-import traceback
 from collections.abc import Callable, Hashable
 from dataclasses import replace
 from time import monotonic, perf_counter
@@ -15,20 +14,18 @@ from typing import Any
 import numpy as np
 
 from engines.choices import Choice
-from engines.errors import ConfigError, RaybenchError, Unsupported
+from engines.errors import ConfigError, Unsupported
 from engines.interface import Engine, Settings
 from engines.registry import engine as engine_of
 from engines.registry import names_a_program
 from engines.scene import CustomCamera, Orthographic, Scene, load_scene
 from harness.measure import clock
-from harness.processes import one_line
 from harness.settings import CHOICES, plugin_or_choice, require_imports
 from harness.view import requests
-from harness.view.coalescing_queue import CoalescingQueue
+from harness.view.controller import Controller
 from harness.view.interactive_scene import InteractiveScene, camera_fields
 from harness.view.library import Library
 from harness.view.menu import menu
-from harness.view.messages import coalescing_key, error_message, packed
 from harness.view.publisher import ANSWERED_AT_ONCE, Publisher, ViewState
 
 REST_SECONDS = 0.15
@@ -39,14 +36,14 @@ CHUNK_SECONDS = 0.1
 """Render time between two looks at the queue of requests."""
 
 
-class ViewController:
+class ViewController(Controller):
     """Runs the page of one image."""
 
     def __init__(
         self, send: Callable[[bytes], None], library: Library, allow_imports: bool, allow_outside: bool = False
     ) -> None:
-        self._send, self._library, self._allow_imports, self._allow_outside = (send, library, allow_imports, allow_outside)
-        self._work = CoalescingQueue()
+        super().__init__(send)
+        self._library, self._allow_imports, self._allow_outside = library, allow_imports, allow_outside
         self._view = ViewState()
         self._publisher = Publisher(send, self._view, self._interrupt, library)
         self._rays_before = 0.0
@@ -56,14 +53,16 @@ class ViewController:
     # ---- the reading thread ------------------------------------------------------------------------------------------
 
     def receive(self, request: Any) -> None:
-        key: Hashable = coalescing_key(request.type, getattr(request, "finger", None))
-        if request.type == "open":  # one that keeps no edits is not replaced by one that does
-            key = request.type, request.keep_edits
         if request.type in ANSWERED_AT_ONCE:
-            self._publisher.receive(request, key)
+            self._publisher.receive(request, self._key(request))
             return
-        self._work.put(request, key)
+        super().receive(request)
         self._interrupt()
+
+    def _key(self, request: Any) -> Hashable:
+        if request.type == "open":  # one that keeps no edits is not replaced by one that does
+            return request.type, request.keep_edits
+        return super()._key(request)
 
     def _interrupt(self) -> None:
         """Stops the render where a request waits. Called repeatedly: a stop just before a render has no effect."""
@@ -74,12 +73,8 @@ class ViewController:
     # ---- the rendering thread ----------------------------------------------------------------------------------------
 
     def start(self) -> None:
-        self._send(packed({"type": "menu", **menu(self._library)}))
+        self._message("menu", **menu(self._library))
         self._publisher.start()
-
-    def run(self) -> None:
-        while True:
-            self._step(self._work.take(self._wait_seconds()))
 
     def _wait_seconds(self) -> float | None:
         """How long to wait for a request before the next chunk; None: until one arrives."""
@@ -87,28 +82,23 @@ class ViewController:
             return None
         return 0.0 if self._moved_at is None else max(0.0, self._moved_at + REST_SECONDS - monotonic())
 
-    def _step(self, request: Any) -> None:
-        """Handles a request, or renders a chunk; errors go to the page."""
-        try:
-            if request is not None:
-                self._view.seq = max(self._view.seq, request.seq)
-                getattr(self, f"_on_{request.type}", self._refuse)(request)
-            elif self._view.state == "busy":
-                self._render_chunk()
-        except Exception as error:
-            if not isinstance(error, RaybenchError):
-                traceback.print_exc()
-            self._send(error_message(one_line(error)))
-            self._set_idle(self._state_of_image())
+    def _step(self) -> None:
+        """Handles a request, or renders a chunk."""
+        request = self._work.take(self._wait_seconds())
+        if request is not None:
+            self._view.seq = max(self._view.seq, request.seq)
+            self._handle(request)
+        elif self._view.state == "busy":
+            self._render_chunk()
+
+    def _rest(self) -> None:
+        self._set_idle(self._state_of_image())
 
     def _state_of_image(self) -> str:
         if self._view.interactive is None:
             return "idle"
         film = self._view.full_film()
         return "finished" if film is not None and film.spp >= self._view.target_spp else "stopped"
-
-    def _refuse(self, request: Any) -> None:
-        raise ConfigError(f"the page with one image has no request {request.type!r}")
 
     def _on_open(self, request: requests.OpenRequest) -> None:
         """Loads the scene and renders a preview; the full image follows."""
@@ -126,7 +116,7 @@ class ViewController:
         if refusal:
             raise Unsupported(refusal)
         for warning in scene.warnings:
-            self._send(packed({"type": "warning", "text": warning}))
+            self._message("warning", text=warning)
         before = None
         interactive = self._prepared(scene, engine, settings)
         interactive.offsets = offsets
@@ -148,14 +138,14 @@ class ViewController:
 
     def _settings(self, request: requests.OpenRequest, scene: Scene) -> tuple[Settings, dict[str, Any]]:
         """The settings of a request within the limits, and the provenance for saved images."""
-        given = request.settings
-        require_imports(given.engine, self._allow_imports)
-        if names_a_program(given.engine):
-            raise ConfigError(f"{given.engine}: external renderers are not run from a page")
-        chosen = {kind: getattr(given, kind) for kind in CHOICES}
+        asked = request.settings
+        require_imports(asked.engine, self._allow_imports)
+        if names_a_program(asked.engine):
+            raise ConfigError(f"{asked.engine}: external renderers are not run from a page")
+        chosen = {kind: getattr(asked, kind) for kind in CHOICES}
         same = {
-            "precision": given.precision,
-            "threads": requests.limited_threads(given.threads),
+            "precision": asked.precision,
+            "threads": requests.limited_threads(asked.threads),
             "width": request.width,
             "height": request.height,
         }
@@ -167,16 +157,16 @@ class ViewController:
         return settings, {
             "scene": request.scene,
             "scene_hash": scene.content_hash,
-            "engine": given.engine,
+            "engine": asked.engine,
             "settings": {**chosen, **same},
             "seed": request.seed,
         }
 
     def _describe(self, name: str, interactive: InteractiveScene) -> None:
-        fields = {"width": interactive.width, "height": interactive.height, "scene": name, "name": interactive.scene.name}
-        self._send(packed({"type": "opened", **fields}))
+        scene, (width, height) = interactive.scene, (interactive.width, interactive.height)
+        self._message("opened", width=width, height=height, scene=name, name=scene.name)
         draggables = [draggable._asdict() for draggable in interactive.draggables]
-        self._send(packed({"type": "scene", "camera": camera_fields(interactive.scene.camera), "draggables": draggables}))
+        self._message("scene", camera=camera_fields(scene.camera), draggables=draggables)
 
     def _on_camera(self, request: requests.CameraRequest) -> None:
         interactive = self._opened()
@@ -204,13 +194,13 @@ class ViewController:
         """Sends the object that is picked; the render continues."""
         interactive = self._opened()
         try:
-            found = interactive.find(request.id) if request.id else interactive.pick(request.x, request.y)
+            picked = interactive.find(request.id) if request.id else interactive.pick(request.x, request.y)
         except Unsupported:  # a camera that is a plugin, or an engine that traces no single rays
-            found = None
-        if found is None:
-            self._send(packed({"type": "picked", "id": None}))
+            picked = None
+        if picked is None:
+            self._message("picked", id=None)
         else:
-            self._send(packed({"type": "picked", "id": found[0].id, "name": found[0].name, "x": found[1], "y": found[2]}))
+            self._message("picked", id=picked[0].id, name=picked[0].name, x=picked[1], y=picked[2])
 
     def _on_stop(self, request: Any) -> None:
         if self._view.state == "busy":

@@ -9,27 +9,18 @@ from __future__ import annotations
 import json
 import os
 import threading
-import traceback
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Protocol
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from engines.processes import Channel
-from harness.processes import one_line
-from harness.view.messages import error_message, packed
+from harness.view.messages import failure_message, packed
+
+if TYPE_CHECKING:
+    from harness.view.controller import Controller
 
 NICE = 5
 """Renders have a lower priority than the server, the browser and the publishing threads, which then answer at once."""
-
-
-class Controller(Protocol):
-    """What runs a page. `receive` is called on the reading thread and returns at once; `start` sends the menu and starts
-    threads; `run` renders, on the main thread, and never returns."""
-
-    def receive(self, request: Any) -> None: ...
-
-    def start(self) -> None: ...
-
-    def run(self) -> None: ...
 
 
 def main(descriptors: Sequence[int], arguments: Sequence[str]) -> None:
@@ -44,8 +35,7 @@ def main(descriptors: Sequence[int], arguments: Sequence[str]) -> None:
     try:
         controller = controller_of(begin, server.send)
     except Exception as error:
-        traceback.print_exc()
-        server.send(error_message(one_line(error)))
+        server.send(failure_message(error))
         return
     controller.start()
     threading.Thread(target=listen, args=(server, controller), daemon=True).start()
@@ -59,16 +49,14 @@ def listen(server: Channel, controller: Controller) -> None:
     from harness.view.requests import checked
 
     while True:
-        given = json.loads(server.receive().data)
+        message = json.loads(server.receive().data)
         try:
-            controller.receive(checked(given))
+            controller.receive(checked(message))
         except Exception as error:
-            server.send(error_message(one_line(error)))
+            server.send(failure_message(error))
 
 
 def controller_of(begin: Mapping[str, Any], send: Callable[[bytes], None]) -> Controller:
-    from pathlib import Path
-
     from harness.view.library import Library
 
     library, allow_imports = Library(Path(begin["folder"]), begin["parameters"]), bool(begin["allow_imports"])

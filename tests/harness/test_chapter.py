@@ -232,7 +232,7 @@ def test_samplers_are_compared_by_error_and_by_time(tmp_path):
     assert errors.better and not facts.error_ratio("hall", "random", "sobol").better
     assert re.fullmatch(r"3\.00 \(2\.\d+ to 3\.\d+\)", str(errors))
     assert facts.time_ratio("hall", "sobol", "random").better
-    assert next(iter(facts.speedup("hall", "sobol", "random").found.values())).verdict == "same"
+    assert next(iter(facts.speedup("hall", "sobol", "random").ratios.values())).verdict == "same"
 
 
 ODD = Chapter("50 % & <more>", [Section("A_b", [Paragraph(["x < y & z_1 is 5 %."]), Listing(["# *one*"])])])

@@ -71,10 +71,11 @@ def test_they_are_written_and_shown_and_what_fails_is_a_line_and_nothing_else(ow
     assert page.count('role="alert">plot &#39;') == 2 and page.count('role="alert">table &#39;') == 1
 
 
-def test_the_next_report_without_them_has_none(own, folder):
-    write_derived(folder, [plugin("table", f"{own}:states")])
+def test_the_next_report_without_them_has_none(own, folder, with_plots):
+    write_derived(folder, [plugin("table", f"{own}:states"), plugin("plot", f"{own}:seconds")])
+    assert {path.stem for path in folder.rglob("own-*")} == {"own-states", "own-seconds"}
     page = write_derived(folder).read_text()
-    assert not list((folder / "tables").glob("own-*")) and "own-states" not in page
+    assert not list(folder.rglob("own-*")) and "own-s" not in page
 
 
 @pytest.mark.parametrize(

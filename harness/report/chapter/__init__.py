@@ -23,8 +23,6 @@ from harness.report.plots.style import FORMATS
 from harness.store.atomic import write_text
 from harness.store.results import load_results
 
-__all__ = ["Chapter", "Facts", "Section", "filled", "write_chapter"]
-
 TITLE = "Results"
 WRITERS: dict[str, Callable[[Analysis, Path], Section]] = {"dahlquist": dahlquist.section}
 

@@ -13,15 +13,21 @@ from typing import Any, NamedTuple
 from harness.analysis import Analysis, seconds_per_sample
 from harness.report.chapter import figures, port_features, port_pictures
 from harness.report.chapter.document import Paragraph, Section, TablePart
-from harness.report.chapter.experiment import VERDICTS, each_block, limits, place
-from harness.report.chapter.families import Family, accelerator_name, compare, estimate, families, ranking, thousands
-from harness.report.chapter.words import listed
+from harness.report.chapter.experiment import each_block, limits, place, verdicts
+from harness.report.chapter.families import (
+    Family,
+    accelerator_name,
+    compare,
+    estimate,
+    families_along,
+    ranking,
+    speedups,
+    thousands,
+)
+from harness.report.chapter.texts import listed
 from harness.report.tables import Column, Table
-from harness.report.tables.evidence import floors_text
 from harness.statistics import Estimate, Ratio
 from harness.store.results import Contestant, choices_of, name_words
-
-PORT = "dahlquist"
 
 
 class Rival(NamedTuple):
@@ -36,8 +42,8 @@ class Rival(NamedTuple):
 def section(analysis: Analysis, plots: Path) -> Section:
     """The section of one results folder; its figures are written into `plots`."""
     made = Section("Beside Dahlquist's ray tracer", [Paragraph(_setting(analysis))])
-    found = families(analysis, "accelerator")
-    rivals = _rivals(analysis, found)
+    families = families_along(analysis, "accelerator")
+    rivals = _rivals(analysis, families)
     if any(rival.contestant.done for rival in rivals):
         made.sections += [
             _frames(analysis, rivals, plots),
@@ -60,18 +66,18 @@ def _setting(analysis: Analysis) -> list[str]:
         "A sample is a frame: one primary ray through every pixel.",
         *place(analysis),
         f"Every configuration was measured once{each_block(len(blocks))}.",
-        f"Times are those of rendering alone, and compared block by block. {VERDICTS} {floors_text(analysis)}",
+        f"Times are those of rendering alone, and compared block by block. {verdicts(analysis)}",
     ]
 
 
-def _rivals(analysis: Analysis, found: Sequence[Family]) -> list[Rival]:
+def _rivals(analysis: Analysis, families: Sequence[Family]) -> list[Rival]:
     """Every contestant that is no A/A twin, measured or not."""
     racing = [c for c in analysis.results.contestants if not c.settings.label]
     choices = choices_of(racing)
     rivals = []
     for contestant in racing:
         words = name_words(contestant, choices)
-        family = next((f for f in found if any(c is contestant for c in f.members.values())), None)
+        family = next((f for f in families if any(c is contestant for c in f.members.values())), None)
         port = None if family is None else _fastest_port(family)
         speedup = None
         if family is not None and port is not None and family.members[port] is not contestant:
@@ -83,7 +89,7 @@ def _rivals(analysis: Analysis, found: Sequence[Family]) -> list[Rival]:
 
 def _fastest_port(family: Family) -> str | None:
     """The port's configuration with the least mean time."""
-    return next((name for name in ranking(family) if family.members[name].settings.engine == PORT), None)
+    return next((name for name in ranking(family) if family.members[name].settings.engine == port_features.PORT), None)
 
 
 # ---- frames ----------------------------------------------------------------------------------------------------------
@@ -126,8 +132,8 @@ def _frame_table(analysis: Analysis, rivals: Sequence[Rival]) -> Table:
 
 def _gains(analysis: Analysis) -> dict[Contestant, Estimate]:
     """Contestant -> its speed over that of the one with the fewest threads."""
-    found = {}
-    for family in families(analysis, "threads"):
-        first, *others = sorted(family.members, key=lambda name: family.members[name].settings.threads)
-        found |= {family.members[one]: Estimate(*compare(analysis, family, one, first)[:4]) for one in others}
-    return found
+    gains = {}
+    for family in families_along(analysis, "threads"):
+        fewest = min(family.members, key=lambda name: family.members[name].settings.threads)
+        gains |= {family.members[name]: gain for name, gain in speedups(analysis, family, fewest).items()}
+    return gains

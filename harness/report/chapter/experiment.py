@@ -18,28 +18,23 @@ from harness.report.chapter.families import (
     HEADINGS,
     Family,
     best,
-    compare,
     demanding,
     estimate,
-    families,
+    families_along,
     identity,
+    pixels,
     row_of,
+    speedups,
     thousands,
     usual,
     value_columns,
     values,
 )
-from harness.report.chapter.words import error_name, listed, plural
+from harness.report.chapter.texts import WORST, error_name, listed, plural
 from harness.report.tables import Column, Table
 from harness.report.tables.evidence import floors_text
 from harness.statistics import Estimate
 from harness.store.results import Contestant
-
-VERDICTS = (
-    "Intervals are at 95 % for one pair. The verdict faster, beyond the noise floor, holds at 95 % for all pairs of a "
-    "comparison together. Where the 90 % interval of a ratio lies within 5 % of equality the two are called the same; all "
-    "else is unresolved."
-)
 
 
 def section(analysis: Analysis, plots: Path) -> Section:
@@ -68,9 +63,19 @@ def _setting(analysis: Analysis) -> list[str]:
         *place(analysis),
         f"Every configuration was measured once{each_block(len(blocks))}{', with another seed in each' * (len(blocks) > 1)}.",
         "Times are those of rendering alone.",
-        f"Speeds of two configurations are compared block by block. {VERDICTS} {floors_text(analysis)}",
+        f"Speeds of two configurations are compared block by block. {verdicts(analysis)}",
         f"Errors are {error_name(results.metric)} against references of many samples, corrected for the references' own noise.",
     ]
+
+
+def verdicts(analysis: Analysis) -> str:
+    """What the verdicts on pairs mean, and the noise floors that they consider: some sentences."""
+    return (
+        "Intervals are at 95 % for one pair. The verdict faster, beyond the noise floor, holds at 95 % for all pairs of a "
+        "comparison together. Where the 90 % interval of a ratio lies within "
+        f"{100 * analysis.results.config.same_within:g} % of equality the two are called the same; all else is unresolved. "
+        f"{floors_text(analysis)}"
+    )
 
 
 def each_block(blocks: int) -> str:
@@ -122,27 +127,27 @@ def _reasons(cells: pd.DataFrame) -> list[str]:
 # ---- tables and figures ----------------------------------------------------------------------------------------------
 
 
-def _most_threads(found: list[Family]) -> tuple[list[Family], str]:
+def _most_threads(families: list[Family]) -> tuple[list[Family], str]:
     """The families with the most threads, and how many that are, in words."""
-    most = max(family.any.settings.threads for family in found)
-    return [family for family in found if family.any.settings.threads == most], plural(most, "thread")
+    most = max(family.any.settings.threads for family in families)
+    return [family for family in families if family.any.settings.threads == most], plural(most, "thread")
 
 
 def _accelerators(analysis: Analysis, plots: Path) -> Section | None:
     """Which finds hits fastest, on which scene, and what it takes to build."""
-    every = families(analysis, "accelerator")
+    every = families_along(analysis, "accelerator")
     if not every:
         return None
-    found, threads = _most_threads(every)
+    families, threads = _most_threads(every)
     speeds = Table(
         "accelerators",
         "Samples per second by accelerator",
         f"Thousands of paths (samples of a pixel) per second with {threads}; geometric mean over blocks with a 95 % interval. "
         "Fastest: all that may be it.",
         [
-            *identity(found),
+            *identity(families),
             _primitives(),
-            *value_columns(found, "Thousands of paths per second of {}."),
+            *value_columns(families, "Thousands of paths per second of {}."),
             Column("fastest", "The fastest, or all that may be it."),
         ],
     )
@@ -151,12 +156,12 @@ def _accelerators(analysis: Analysis, plots: Path) -> Section | None:
         "Time to build an accelerator",
         "Milliseconds of a build in a process that has built, compiled and rendered the scene before; geometric mean over "
         "blocks with a 95 % interval.",
-        [HEADINGS["scene"], _primitives(), *value_columns(found, "Milliseconds to build {}.")],
+        [HEADINGS["scene"], _primitives(), *value_columns(families, "Milliseconds to build {}.")],
     )
-    for family in found:
+    for family in families:
         fastest = listed(best(analysis, family))
         speeds.rows.append(row_of(family, thousands, primitives=primitives(family.any), fastest=fastest))
-    shown = demanding(found)
+    shown = demanding(families)
     for family in shown:
         build = partial(measures.build_milliseconds, analysis)
         builds.rows.append(row_of(family, build, primitives=primitives(family.any)))
@@ -176,40 +181,39 @@ def primitives(contestant: Contestant) -> int:
 
 def _threads(analysis: Analysis, plots: Path) -> Section | None:
     """How much more threads give."""
-    found = families(analysis, "threads")
-    if not found:
+    families = families_along(analysis, "threads")
+    if not families:
         return None
-    names = sorted(values(found), key=lambda value: int(value.split()[0]))
+    names = sorted(values(families), key=lambda value: int(value.split()[0]))
     table = Table(
         "threads",
         f"Speed-up over {names[0]}",
         "Paired by block, with 95 % intervals; efficiency 1 is ideal.",
         [
-            *identity(found),
+            *identity(families),
             *(Column(name, f"Speed-up of {name}.", "estimate", name) for name in names[1:]),
             Column("efficiency", f"Speed-up of {names[-1]} over the share of threads.", "number"),
         ],
     )
-    table.rows += [_thread_row(analysis, family, names) for family in found]
-    return Section("Threads", [TablePart(table), *figures.part(figures.thread_gains(analysis, found, names, plots))])
+    table.rows += [_thread_row(analysis, family, names) for family in families]
+    return Section("Threads", [TablePart(table), *figures.part(figures.thread_gains(analysis, families, names, plots))])
 
 
 def _thread_row(analysis: Analysis, family: Family, names: list[str]) -> dict[str, Any]:
-    row: dict[str, Any] = dict(family.held)
-    for name in names[1:]:
-        if {names[0], name} <= set(family.members):
-            gain = compare(analysis, family, name, names[0])
-            row[name] = Estimate(*gain[:4])
-            row["efficiency"] = gain.ratio * int(names[0].split()[0]) / int(name.split()[0])
+    gains = speedups(analysis, family, names[0])
+    row: dict[str, Any] = {**family.held, **gains}
+    if gains:
+        most = max(gains, key=names.index)
+        row["efficiency"] = gains[most].value * int(names[0].split()[0]) / int(most.split()[0])
     return row
 
 
 def _shaders(analysis: Analysis, plots: Path) -> Section | None:
     """What a sample costs by each rule of light transport. Their images differ, so that speed is not a merit."""
-    found = families(analysis, "shader")
-    if not found:
+    families = families_along(analysis, "shader")
+    if not families:
         return None
-    most, threads = _most_threads(found)
+    most, threads = _most_threads(families)
     shown = usual(most, "sampler")
     table = Table(
         "shaders",
@@ -223,15 +227,15 @@ def _shaders(analysis: Analysis, plots: Path) -> Section | None:
 
 
 def nanoseconds(contestant: Contestant) -> Estimate:
-    """Of a path."""
+    """Of a path (a sample of a pixel): geometric mean over blocks with its interval."""
     rate = thousands(contestant)
     return Estimate(1e6 / rate.value, 1e6 / rate.high, 1e6 / rate.low, rate.n)
 
 
 def _samplers(analysis: Analysis, plots: Path) -> Section | None:
     """Whose error is smaller, at the same number of samples and in the same time."""
-    found = families(analysis, "sampler")
-    if not found:
+    families = families_along(analysis, "sampler")
+    if not families:
         return None
     errors = Table(
         "samplers",
@@ -239,9 +243,9 @@ def _samplers(analysis: Analysis, plots: Path) -> Section | None:
         f"{error_name(analysis.results.metric)}; geometric mean over seeds with a 95 % interval. Errors that the reference's "
         "noise hides are left out. Least: all that may have it.",
         [
-            *identity(found),
+            *identity(families),
             Column("spp", "Samples per pixel.", "count"),
-            *value_columns(found, "Error of {}."),
+            *value_columns(families, "Error of {}."),
             Column("least", "The least error."),
         ],
     )
@@ -250,9 +254,13 @@ def _samplers(analysis: Analysis, plots: Path) -> Section | None:
         "Time to a quality by sampler",
         f"Seconds of rendering until the hardest target that all reach, in {error_name(analysis.results.metric)}; geometric "
         "mean over seeds with a 95 % interval.",
-        [*identity(found), Column("target", "Quality to reach.", "exact"), *value_columns(found, "Seconds of {}.", "{} [s]")],
+        [
+            *identity(families),
+            Column("target", "Quality to reach.", "exact"),
+            *value_columns(families, "Seconds of {}.", "{} [s]"),
+        ],
     )
-    for family in found:
+    for family in families:
         spp = measures.common_spp(list(family.members.values()))
         error = measures.errors_at(analysis, spp)
         least = listed(best(analysis, family, error))
@@ -262,7 +270,7 @@ def _samplers(analysis: Analysis, plots: Path) -> Section | None:
             seconds = measures.times_to(analysis, family, index).values
             target = error_targets(analysis.results)[index]
             times.rows.append(row_of(family, lambda c, seconds=seconds: estimate(seconds(c)), target=target))
-    drawn = figures.part(figures.sampler_errors(analysis, found, plots))
+    drawn = figures.part(figures.sampler_errors(analysis, families, plots))
     return Section("Samplers", [TablePart(errors), *drawn, *([TablePart(times)] if times.rows else [])])
 
 
@@ -272,22 +280,22 @@ def _tails(analysis: Analysis, plots: Path) -> Section | None:
     table = Table(
         "tails",
         "Error with and without the worst pixels",
-        "relMSE at a number of samples, not corrected for the reference's noise, and the same without the 0.1 % of pixels "
+        f"relMSE at a number of samples, not corrected for the reference's noise, and the same without the {WORST} of pixels "
         "where it is largest; geometric means over seeds with 95 % intervals. Share: what these pixels hold of it.",
         [
             HEADINGS["scene"],
             HEADINGS["shader"],
             Column("spp", "Samples per pixel.", "count"),
             Column("whole", "relMSE.", "estimate", "relMSE"),
-            Column("trimmed", "relMSE without the worst 0.1 % of pixels.", "estimate", "without the worst"),
-            Column("share", "Share of relMSE in the worst 0.1 % of pixels.", "percent"),
+            Column("trimmed", f"relMSE without the worst {WORST} of pixels.", "estimate", "without the worst"),
+            Column("share", f"Share of relMSE in the worst {WORST} of pixels.", "percent"),
         ],
     )
     spp = measures.common_spp([contestant for _, contestant in shown])
     for held, contestant in shown:
         whole, trimmed = measures.errors_untrimmed_and_trimmed(analysis, contestant, spp)
         if whole.n and whole.value > 0:
-            share = measures.share_of_the_worst(whole.value, trimmed.value, measures.pixels(contestant))
+            share = measures.share_of_the_worst(whole.value, trimmed.value, pixels(contestant))
             table.rows.append({**held, "spp": spp, "whole": whole, "trimmed": trimmed, "share": share})
     if not table.rows:
         return None

@@ -13,8 +13,19 @@ from typing import TypeVar
 from engines.errors import ConfigError
 from harness.analysis import Analysis
 from harness.report.chapter import experiment, measures
-from harness.report.chapter.families import AXES, SPEEDS, Family, Measure, best, compare, families, thousands, words
-from harness.report.chapter.words import interval
+from harness.report.chapter.families import (
+    AXES,
+    SPEEDS,
+    Family,
+    Measure,
+    best,
+    compare,
+    families_along,
+    named_contestants,
+    pixels,
+    thousands,
+)
+from harness.report.chapter.texts import interval
 from harness.report.tables.model import number_text
 from harness.statistics import Estimate, Ratio
 from harness.store.results import Contestant
@@ -29,24 +40,26 @@ class Facts:
 
     def __init__(self, analyses: Sequence[Analysis], usual: Sequence[str] = ()) -> None:
         self._usual = usual
-        self._contestants = [(analysis, set(named.values()), one) for analysis in analyses for named, one in words(analysis)]
-        self._families = [(analysis, family) for analysis in analyses for axis in AXES for family in families(analysis, axis)]
+        self._contestants = [
+            (analysis, set(named.values()), one) for analysis in analyses for named, one in named_contestants(analysis)
+        ]
+        self._families = [
+            (analysis, family) for analysis in analyses for axis in AXES for family in families_along(analysis, axis)
+        ]
 
     # ---- one configuration -------------------------------------------------------------------------------------------
 
     def _one(self, phrase: str) -> tuple[Analysis, Contestant]:
-        found = [(analysis, one) for analysis, _, one in self._chosen(phrase, self._contestants, lambda each: each[1])]
-        if len(found) == 1:
-            return found[0]
-        raise ConfigError(f"{phrase!r} names {_number([one.name for _, one in found], 'configuration')}: one is expected")
+        chosen = [(analysis, one) for analysis, _, one in self._chosen(phrase, self._contestants, lambda each: each[1])]
+        return _only(chosen, repr(phrase), [one.name for _, one in chosen], "configuration")
 
     def _chosen(self, phrase: str, every: Iterable[T], words_of: Callable[[T], set[str]]) -> list[T]:
         """Those that have all words of the phrase, narrowed by each of the usual words that some of them have."""
-        wanted = {word.strip() for word in phrase.split(",")}
-        found = [one for one in every if wanted <= words_of(one)]
+        named = {word.strip() for word in phrase.split(",")}
+        chosen = [one for one in every if named <= words_of(one)]
         for word in self._usual:
-            found = [one for one in found if word in words_of(one)] or found
-        return found
+            chosen = [one for one in chosen if word in words_of(one)] or chosen
+        return chosen
 
     def speed(self, phrase: str) -> Estimate:
         """Thousands of paths per second."""
@@ -64,7 +77,7 @@ class Facts:
         """Per cent of relMSE that the worst 0.1 % of the pixels hold."""
         analysis, one = self._one(phrase)
         whole, trimmed = measures.errors_untrimmed_and_trimmed(analysis, one, spp)
-        return 100 * measures.share_of_the_worst(whole.value, trimmed.value, measures.pixels(one))
+        return 100 * measures.share_of_the_worst(whole.value, trimmed.value, pixels(one))
 
     def primitives(self, phrase: str) -> int:
         """Primitives of its scene."""
@@ -95,11 +108,9 @@ class Facts:
 
     def _family(self, phrase: str, *members: str) -> tuple[Analysis, Family]:
         every = [(analysis, family) for analysis, family in self._families if set(members) <= set(family.members)]
-        found = self._chosen(phrase, every, lambda each: set(each[1].held.values()))
-        if len(found) == 1:
-            return found[0]
-        held = [", ".join(family.held.values()) for _, family in found]
-        raise ConfigError(f"{phrase!r} with {' and '.join(members)} names {_number(held, 'comparison')}: one is expected")
+        chosen = self._chosen(phrase, every, lambda each: set(each[1].held.values()))
+        held = [", ".join(family.held.values()) for _, family in chosen]
+        return _only(chosen, f"{phrase!r} with {' and '.join(members)}", held, "comparison")
 
     def _compared(self, phrase: str, one: str, other: str, measuring: Measuring) -> Ratio:
         analysis, family = self._family(phrase, one, other)
@@ -129,32 +140,32 @@ class Ratios:
     """How many times better one is than another, in each place. As text, the ratio with its interval, or of several the least
     and the greatest."""
 
-    def __init__(self, found: Mapping[str, Ratio]) -> None:
-        self.found = found
+    def __init__(self, ratios: Mapping[str, Ratio]) -> None:
+        self.ratios = ratios
 
     @property
     def better(self) -> bool:
         """Whether the one is better in every place, beyond the noise floor."""
-        return all(ratio.verdict == "faster" for ratio in self.found.values())
+        return all(ratio.verdict == "faster" for ratio in self.ratios.values())
 
     @property
     def least(self) -> float:
-        return min(ratio.ratio for ratio in self.found.values())
+        return min(ratio.ratio for ratio in self.ratios.values())
 
     @property
     def greatest(self) -> float:
-        return max(ratio.ratio for ratio in self.found.values())
+        return max(ratio.ratio for ratio in self.ratios.values())
 
     def __str__(self) -> str:
-        if len(self.found) == 1:
-            return interval(next(iter(self.found.values())))
+        if len(self.ratios) == 1:
+            return interval(next(iter(self.ratios.values())))
         return " to ".join(dict.fromkeys(map(number_text, (self.least, self.greatest))))
 
     @property
     def verdicts(self) -> str:
         """What was found in each place."""
         verdicts = {"faster": "better", "slower": "worse"}
-        return ", ".join(f"{verdicts.get(r.verdict, r.verdict)} on {where}, {interval(r)}" for where, r in self.found.items())
+        return ", ".join(f"{verdicts.get(r.verdict, r.verdict)} on {where}, {interval(r)}" for where, r in self.ratios.items())
 
 
 def _errors(analysis: Analysis, family: Family) -> Measure:
@@ -172,6 +183,9 @@ def _phrases(where: Where) -> Sequence[str]:
     return [where] if isinstance(where, str) else where
 
 
-def _number(names: Sequence[str], noun: str) -> str:
+def _only(chosen: Sequence[T], phrase: str, names: Sequence[str], noun: str) -> T:
+    """The one that a phrase names. Raises `ConfigError` with the names where there are none or several."""
+    if len(chosen) == 1:
+        return chosen[0]
     shown = f" ({'; '.join(names[:4])}{'; ...' if len(names) > 4 else ''})" if names else ""
-    return f"{len(names) or 'no'} {noun}s{shown}"
+    raise ConfigError(f"{phrase} names {len(names) or 'no'} {noun}s{shown}: one is expected")

@@ -71,21 +71,21 @@ class Family:
         return next(iter(self.members.values()))
 
 
-def families(analysis: Analysis, axis: str) -> list[Family]:
+def families_along(analysis: Analysis, axis: str) -> list[Family]:
     """Groups of two or more measured contestants that differ along `axis` alone; A/A labels and the open division are left out.
 
     `axis` is one of `AXES`.
     """
-    named = {id(contestant): each for each, contestant in words(analysis)}
+    named = {id(contestant): each for each, contestant in named_contestants(analysis)}
     left_out = {axis, *(("precision",) if axis == "accelerator" else ())}
-    found = []
-    for group in comparisons([contestant for _, contestant in words(analysis)], *AXES[axis]):
+    families = []
+    for group in comparisons([contestant for _, contestant in named_contestants(analysis)], *AXES[axis]):
         held = {key: word for key, word in named[id(group[0])].items() if key not in left_out}
-        found.append(Family(held, {named[id(contestant)][axis]: contestant for contestant in group}))
-    return [family for family in found if len(family.members) > 1]
+        families.append(Family(held, {named[id(contestant)][axis]: contestant for contestant in group}))
+    return [family for family in families if len(family.members) > 1]
 
 
-def words(analysis: Analysis) -> list[tuple[dict[str, str], Contestant]]:
+def named_contestants(analysis: Analysis) -> list[tuple[dict[str, str], Contestant]]:
     """The measured contestants of the closed division, A/A labels left out, each with its words by the keys of `HEADINGS`."""
     measured = [c for c in analysis.results.contestants if c.done and not c.settings.label and c.settings.division == "closed"]
     choices, found = choices_of(measured), []
@@ -101,19 +101,19 @@ def accelerator_name(engine: str, accelerator: str) -> str:
     return engine if accelerator in (engine, "auto", "") else f"{engine} {accelerator}"
 
 
-def identity(found: Sequence[Family]) -> list[Column]:
+def identity(families: Sequence[Family]) -> list[Column]:
     """The columns that a table of these families needs: the scene, and what else differs among them."""
-    return [column for key, column in HEADINGS.items() if key == "scene" or len({f.held.get(key) for f in found}) > 1]
+    return [column for key, column in HEADINGS.items() if key == "scene" or len({f.held.get(key) for f in families}) > 1]
 
 
-def values(found: Sequence[Family]) -> list[str]:
+def values(families: Sequence[Family]) -> list[str]:
     """Every value that occurs, in the order of first appearance."""
-    return list(dict.fromkeys(value for family in found for value in family.members))
+    return list(dict.fromkeys(value for family in families for value in family.members))
 
 
-def value_columns(found: Sequence[Family], meaning: str, heading: str = "{}") -> list[Column]:
+def value_columns(families: Sequence[Family], meaning: str, heading: str = "{}") -> list[Column]:
     """A column of estimates for each value that occurs; `{}` in the words stands for it."""
-    return [Column(value, meaning.format(value), "estimate", heading.format(value)) for value in values(found)]
+    return [Column(value, meaning.format(value), "estimate", heading.format(value)) for value in values(families)]
 
 
 def row_of(family: Family, number: Callable[[Contestant], Estimate], **more: Any) -> dict[str, Any]:
@@ -124,12 +124,15 @@ def row_of(family: Family, number: Callable[[Contestant], Estimate], **more: Any
 def compare(analysis: Analysis, family: Family, one: str, other: str, measure: Measure = SPEEDS) -> Ratio:
     """Of two members, paired by block; the verdicts of all pairs of a family hold together."""
     names = list(family.members)
-    every = list(combinations(range(len(names)), 2))
-    found = _race(analysis, family, names, every, measure).ratios
-    at, against = names.index(one), names.index(other)
-    if at < against:
-        return found[every.index((at, against))]
-    return reciprocal(found[every.index((against, at))])
+    asked = names.index(one), names.index(other)
+    pairs = [asked if set(pair) == set(asked) else pair for pair in combinations(range(len(names)), 2)]
+    return _race(analysis, family, names, pairs, measure).ratios[pairs.index(asked)]
+
+
+def speedups(analysis: Analysis, family: Family, over: str) -> dict[str, Estimate]:
+    """By member, how many times as fast it is as the member `over`; nothing where the family lacks that."""
+    others = [name for name in family.members if name != over] if over in family.members else []
+    return {name: Estimate(*compare(analysis, family, name, over)[:4]) for name in others}
 
 
 def _race(analysis: Analysis, family: Family, names: Sequence[str], pairs: Sequence[tuple[int, int]], measure: Measure) -> Race:
@@ -149,23 +152,23 @@ def ranking(family: Family, measure: Measure = SPEEDS) -> list[str]:
     return sorted((value for value, mean in means.items() if not math.isnan(mean)), key=lambda v: means[v])
 
 
-def demanding(found: Sequence[Family], keys: Sequence[str] = ("scene",)) -> list[Family]:
+def demanding(families: Sequence[Family], keys: Sequence[str] = ("scene",)) -> list[Family]:
     """One family a scene (or what else of `HEADINGS`): that of the shader whose samples take most rays over all of them."""
     rays: dict[str, list[float]] = {}
-    for family in found:
+    for family in families:
         end = family.any.done[0].end
         rays.setdefault(family.shader, []).append((end.rays or 0.0) / end.spp)
     order = sorted(rays, key=lambda shader: -sum(rays[shader]) / len(rays[shader]))
     chosen: dict[tuple[str, ...], Family] = {}
-    for family in sorted(found, key=lambda family: order.index(family.shader)):
+    for family in sorted(families, key=lambda family: order.index(family.shader)):
         chosen.setdefault(tuple(family.held[key] for key in keys), family)
-    return [family for family in found if family in chosen.values()]
+    return [family for family in families if family in chosen.values()]
 
 
-def usual(found: Sequence[Family], key: str) -> list[Family]:
+def usual(families: Sequence[Family], key: str) -> list[Family]:
     """The families with the value of `key` that most of them have."""
-    counts = Counter(family.held[key] for family in found)
-    return [family for family in found if family.held[key] == counts.most_common(1)[0][0]]
+    counts = Counter(family.held[key] for family in families)
+    return [family for family in families if family.held[key] == counts.most_common(1)[0][0]]
 
 
 def best(analysis: Analysis, family: Family, measure: Measure = SPEEDS) -> list[str]:
@@ -177,18 +180,12 @@ def best(analysis: Analysis, family: Family, measure: Measure = SPEEDS) -> list[
 
 def thousands(contestant: Contestant) -> Estimate:
     """Thousands of paths (samples of a pixel) per second: geometric mean over blocks with its interval."""
-    pixels = contestant.settings.width * contestant.settings.height
-    return estimate({block: 1e-3 * pixels / seconds for block, seconds in seconds_per_sample(contestant).items()})
+    scale = 1e-3 * pixels(contestant)
+    return estimate({block: scale / seconds for block, seconds in seconds_per_sample(contestant).items()})
 
 
-def reciprocal(ratio: Ratio) -> Ratio:
-    """The same finding seen from the other side."""
-    turned = {"faster": "slower", "slower": "faster"}.get(ratio.verdict, ratio.verdict)
-    return Ratio(_inverse(ratio.ratio), _inverse(ratio.high), _inverse(ratio.low), ratio.blocks, turned)
-
-
-def _inverse(value: float) -> float:
-    return math.inf if value == 0 else 0.0 if math.isinf(value) else 1 / value
+def pixels(contestant: Contestant) -> int:
+    return contestant.settings.width * contestant.settings.height
 
 
 def estimate(measure: Mapping[int, float], factor: float = 1.0) -> Estimate:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,8 +14,8 @@ from matplotlib.figure import Figure
 from harness.analysis import Analysis, seconds_per_sample
 from harness.report.chapter import measures
 from harness.report.chapter.document import FigurePart
-from harness.report.chapter.families import Family, compare, demanding, estimate, thousands, values
-from harness.report.chapter.words import plural
+from harness.report.chapter.families import Family, demanding, estimate, speedups, thousands, values
+from harness.report.chapter.texts import WORST, plural
 from harness.report.plots.chart import FAINT, INK, LINES, MARKERS, Picture
 from harness.report.plots.curves import error_label
 from harness.report.plots.figures import log_scales, new_figure, save
@@ -28,11 +29,11 @@ COLOURS = (*ENGINE_COLOURS.values(), *OTHER_COLOURS)
 
 def colours(names: Sequence[str]) -> list[str]:
     """A colour for each engine with its accelerator: the engine's own for the first, others for the rest."""
-    free, found = list(OTHER_COLOURS), []
+    free, chosen = list(OTHER_COLOURS), []
     for name in names:
         own = ENGINE_COLOURS.get(name.split()[0], "")
-        found.append(own if own and own not in found else free.pop(0) if free else INK)
-    return found
+        chosen.append(own if own and own not in chosen else free.pop(0) if free else INK)
+    return chosen
 
 
 def part(drawn: Picture | None) -> list[FigurePart]:
@@ -47,66 +48,77 @@ def finished(figure: Figure, plots: Path, name: str, title: str, description: st
     return Picture(name, title, description, save(figure, plots, name, FORMATS))
 
 
-def _points(axis: Axes, placed: Sequence[tuple[float, Estimate]], index: int, colour: str, label: str) -> None:
-    """Values with their intervals along x, each at its y."""
-    whiskers = np.nan_to_num([[one.value - one.low, one.high - one.value] for _, one in placed]).T
-    axis.errorbar(
-        [one.value for _, one in placed],
-        [y for y, _ in placed],
-        xerr=np.abs(whiskers),
-        elinewidth=1,
-        fmt=MARKERS[index % len(MARKERS)],
-        color=colour,
-        markersize=4,
-        label=label,
-    )
+class Dots(NamedTuple):
+    """The values of one label: (row, value with interval) each. `ideal` is where a dotted line stands."""
+
+    label: str
+    points: Sequence[tuple[int, Estimate]]
+    colour: str = ""
+    ideal: float | None = None
+
+
+def _dot_plot(
+    names: Sequence[str], series: Sequence[Dots], title: str, spread: float, size: tuple[float, float], log: bool = True
+) -> Figure:
+    """A row a name, and in it the values along x, those of different series `spread` rows apart. `size` is the height beside
+    the rows and of a row, in inches."""
+    figure = new_figure(7.2, size[0] + size[1] * len(names))
+    axis = figure.subplots()
+    for index, dots in enumerate(series):
+        shift = spread * (index - (len(series) - 1) / 2)
+        whiskers = np.nan_to_num([[one.value - one.low, one.high - one.value] for _, one in dots.points]).T
+        axis.errorbar(
+            [one.value for _, one in dots.points],
+            [row + shift for row, _ in dots.points],
+            xerr=np.abs(whiskers),
+            elinewidth=1,
+            fmt=MARKERS[index % len(MARKERS)],
+            color=dots.colour or COLOURS[index % len(COLOURS)],
+            markersize=4,
+            label=dots.label,
+        )
+        if dots.ideal is not None:
+            axis.axvline(dots.ideal, color=FAINT, linestyle=":", linewidth=1)
+    axis.set_yticks(range(len(names)), names)
+    axis.set_ylim(len(names) - 0.5, -0.5)
+    axis.set_xlabel(title)
+    if log:
+        log_scales(axis)
+    figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=min(len(series), 5))
+    return figure
 
 
 def tails(table: Table, plots: Path) -> Picture:
     """relMSE with and without the worst pixels: a row of the table a row."""
-    figure = new_figure(7.2, 1.3 + 0.3 * len(table.rows))
-    axis = figure.subplots()
-    for index, (key, label) in enumerate((("whole", "all pixels"), ("trimmed", "without the worst 0.1 %"))):
-        shift = 0.12 * (2 * index - 1)
-        _points(axis, [(y + shift, row[key]) for y, row in enumerate(table.rows)], index, COLOURS[index], label)
-    axis.set_yticks(range(len(table.rows)), [f"{row['scene']}, {row['shader']}" for row in table.rows])
-    axis.set_ylim(len(table.rows) - 0.5, -0.5)
-    axis.set_xlabel(f"relMSE at {table.rows[0]['spp']} samples per pixel")
-    log_scales(axis)
-    figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=2)
-    return finished(
-        figure,
-        plots,
-        "tails",
-        "Error with and without the worst 0.1 % of the pixels",
-        "One row per scene and shader: relMSE of all pixels and without the worst, with intervals.",
+    parts = (("whole", "all pixels"), ("trimmed", f"without the worst {WORST}"))
+    series = [Dots(label, [(row, values[key]) for row, values in enumerate(table.rows)]) for key, label in parts]
+    figure = _dot_plot(
+        [f"{row['scene']}, {row['shader']}" for row in table.rows],
+        series,
+        f"relMSE at {table.rows[0]['spp']} samples per pixel",
+        0.24,
+        (1.3, 0.3),
     )
+    text = "One row per scene and shader: relMSE of all pixels and without the worst, with intervals."
+    return finished(figure, plots, "tails", f"Error with and without the worst {WORST} of the pixels", text)
 
 
-def speeds(found: Sequence[Family], plots: Path) -> Picture | None:
+def speeds(shown: Sequence[Family], plots: Path) -> Picture | None:
     """Paths per second of each member; one row per scene."""
-    if not found:
+    if not shown:
         return None
-    names = values(found)
-    figure = new_figure(7.2, 1.3 + 0.34 * len(found))
-    axis, shades = figure.subplots(), colours(names)
-    for index, name in enumerate(names):
-        shift = 0.13 * (index - (len(names) - 1) / 2)
-        rows = [(row + shift, thousands(f.members[name])) for row, f in enumerate(found) if name in f.members]
-        _points(axis, rows, index, shades[index], name)
-    axis.set_yticks(range(len(found)), [family.scene for family in found])
-    axis.set_ylim(len(found) - 0.5, -0.5)
-    axis.set_xlabel("thousands of paths per second")
-    log_scales(axis)
-    figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=min(len(names), 5))
-    shader = " and ".join(dict.fromkeys(family.shader for family in found))
-    return finished(
-        figure,
-        plots,
-        "accelerators",
-        f"Speed by accelerator and scene, {shader}",
-        "One row per scene: paths per second by accelerator, with intervals, on a logarithmic axis.",
-    )
+    names = values(shown)
+    series = [
+        Dots(name, [(row, thousands(f.members[name])) for row, f in enumerate(shown) if name in f.members], colour)
+        for name, colour in zip(names, colours(names), strict=True)
+    ]
+    figure = _dot_plot([family.scene for family in shown], series, "thousands of paths per second", 0.13, (1.3, 0.34))
+    text = "One row per scene: paths per second by accelerator, with intervals, on a logarithmic axis."
+    return finished(figure, plots, "accelerators", f"Speed by accelerator and scene, {_shaders(shown)}", text)
+
+
+def _shaders(shown: Sequence[Family]) -> str:
+    return " and ".join(dict.fromkeys(family.shader for family in shown))
 
 
 def frame_times(named: Sequence[tuple[str, Contestant]], plots: Path) -> Picture | None:
@@ -114,60 +126,40 @@ def frame_times(named: Sequence[tuple[str, Contestant]], plots: Path) -> Picture
     if not named:
         return None
     rows = list(dict.fromkeys(name for name, _ in named))
-    counts = sorted({contestant.settings.threads for _, contestant in named})
-    figure = new_figure(7.2, 1.2 + 0.3 * len(rows))
-    axis = figure.subplots()
-    for index, threads in enumerate(counts):
-        shift = 0.16 * (index - (len(counts) - 1) / 2)
-        shown = [
-            (rows.index(name) + shift, estimate(seconds_per_sample(c), 1e3))
-            for name, c in named
-            if c.settings.threads == threads
-        ]
-        _points(axis, shown, index, COLOURS[index % len(COLOURS)], plural(threads, "thread"))
-    axis.set_yticks(range(len(rows)), rows)
-    axis.set_ylim(len(rows) - 0.5, -0.5)
-    axis.set_xlabel("milliseconds per frame")
-    log_scales(axis)
-    figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=min(len(counts), 5))
-    return finished(
-        figure,
-        plots,
-        "frames",
-        "Frame times",
-        "One row per engine and accelerator: milliseconds per frame, on a logarithmic axis.",
-    )
+    series = [
+        Dots(
+            plural(threads, "thread"),
+            [(rows.index(name), estimate(seconds_per_sample(c), 1e3)) for name, c in named if c.settings.threads == threads],
+        )
+        for threads in sorted({contestant.settings.threads for _, contestant in named})
+    ]
+    figure = _dot_plot(rows, series, "milliseconds per frame", 0.16, (1.2, 0.3))
+    text = "One row per engine and accelerator: milliseconds per frame, on a logarithmic axis."
+    return finished(figure, plots, "frames", "Frame times", text)
 
 
-def thread_gains(analysis: Analysis, found: Sequence[Family], names: Sequence[str], plots: Path) -> Picture | None:
+def thread_gains(analysis: Analysis, families: Sequence[Family], names: Sequence[str], plots: Path) -> Picture | None:
     """Speed-up over the fewest threads with its interval: a row an accelerator and scene, with the shader of most rays."""
-    shown = sorted(demanding(found, ("scene", "accelerator")), key=lambda family: family.held["accelerator"])
-    figure = new_figure(7.2, 1.3 + 0.24 * len(shown))
-    axis = figure.subplots()
-    for index, name in enumerate(names[1:]):
-        gains = [
-            (row, compare(analysis, family, name, names[0]))
-            for row, family in enumerate(shown)
-            if {names[0], name} <= set(family.members)
-        ]
-        _points(axis, [(row, Estimate(*gain[:4])) for row, gain in gains], index, COLOURS[index % len(COLOURS)], name)
-        axis.axvline(int(name.split()[0]) / int(names[0].split()[0]), color=FAINT, linestyle=":", linewidth=1)
-    axis.set_yticks(range(len(shown)), [f"{family.held['accelerator']}, {family.scene}" for family in shown])
-    axis.set_ylim(len(shown) - 0.5, -0.5)
-    axis.set_xlabel(f"speed-up over {names[0]} (dotted: ideal)")
-    figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=max(len(names) - 1, 1))
-    return finished(
-        figure,
-        plots,
-        "threads",
-        f"Speed-up over {names[0]}",
-        "One row per accelerator and scene: the speed-up with its interval; dotted lines are ideal.",
-    )
+    shown = sorted(demanding(families, ("scene", "accelerator")), key=lambda family: family.held["accelerator"])
+    fewest, *others = names
+    gains = [speedups(analysis, family, fewest) for family in shown]
+    series = [
+        Dots(
+            name,
+            [(row, gain[name]) for row, gain in enumerate(gains) if name in gain],
+            ideal=int(name.split()[0]) / int(fewest.split()[0]),
+        )
+        for name in others
+    ]
+    rows = [f"{family.held['accelerator']}, {family.scene}" for family in shown]
+    figure = _dot_plot(rows, series, f"speed-up over {fewest} (dotted: ideal)", 0.0, (1.3, 0.24), log=False)
+    text = "One row per accelerator and scene: the speed-up with its interval; dotted lines are ideal."
+    return finished(figure, plots, "threads", f"Speed-up over {fewest}", text)
 
 
-def sampler_errors(analysis: Analysis, found: Sequence[Family], plots: Path) -> Picture | None:
+def sampler_errors(analysis: Analysis, families: Sequence[Family], plots: Path) -> Picture | None:
     """Error over samples, a panel a scene: the shader with most rays."""
-    chosen = demanding(found)
+    chosen = demanding(families)
     if not chosen:
         return None
     names, columns = values(chosen), min(len(chosen), 3)
@@ -191,14 +183,8 @@ def sampler_errors(analysis: Analysis, found: Sequence[Family], plots: Path) -> 
         label: handle for axis in grid[: len(chosen)] for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)
     }
     figure.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=min(len(handles), 6))
-    shader = " and ".join(dict.fromkeys(family.shader for family in chosen))
-    return finished(
-        figure,
-        plots,
-        "samplers",
-        f"Error over samples by sampler, {shader}",
-        "One panel per scene: mean error over samples with its interval, one curve per sampler.",
-    )
+    text = "One panel per scene: mean error over samples with its interval, one curve per sampler."
+    return finished(figure, plots, "samplers", f"Error over samples by sampler, {_shaders(chosen)}", text)
 
 
 def _error_curve(analysis: Analysis, axis: Axes, family: Family, name: str, index: int) -> None:

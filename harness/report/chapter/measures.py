@@ -6,11 +6,12 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from statistics import median
 
 from harness.analysis import Analysis, Verdict
 from harness.analysis.races import READINGS, times_read
 from harness.metrics import TRIMMED_FRACTION
-from harness.report.chapter.families import Family, Measure, estimate, words
+from harness.report.chapter.families import Family, Measure, estimate, named_contestants
 from harness.statistics import Bound, Estimate, Reading, geometric_interval
 from harness.store.results import Contestant, point_error
 
@@ -25,13 +26,13 @@ def errors_at(analysis: Analysis, spp: int | None) -> Measure:
     """Error at `spp` samples, where it is above three of its standard errors. It repeats, so that its noise floor is 0."""
 
     def values(contestant: Contestant) -> Mapping[int, float]:
-        found = {}
+        errors = {}
         for cell in contestant.done:
             for point in cell.points:
                 error, spread = point_error(point, analysis.results.metric)
                 if point.spp == spp and error > 3 * spread:
-                    found[cell.block] = error
-        return found
+                    errors[cell.block] = error
+        return errors
 
     return Measure(values, 0.0)
 
@@ -79,19 +80,18 @@ def times_to(analysis: Analysis, family: Family, index: int) -> Measure:
 def build_milliseconds(analysis: Analysis, contestant: Contestant) -> Estimate:
     """Of a build in a process that has built, compiled and rendered the scene before: geometric mean over blocks of the median
     over all contestants with that scene, engine and accelerator, which build the same."""
-    of = {key: word for named, one in words(analysis) if one is contestant for key, word in named.items()}
-    alike = [one for named, one in words(analysis) if all(named[key] == of[key] for key in ("scene", "accelerator", "machine"))]
+    of = {key: word for named, one in named_contestants(analysis) if one is contestant for key, word in named.items()}
+    alike = [
+        one
+        for named, one in named_contestants(analysis)
+        if all(named[key] == of[key] for key in ("scene", "accelerator", "machine"))
+    ]
     builds: dict[int, list[float]] = {}
     for cell in (cell for one in alike for cell in one.done):
         seconds = cell.phases.warm_build_seconds
         if seconds is not None:
             builds.setdefault(cell.block, []).append(seconds)
-    return estimate({block: _median(found) for block, found in builds.items()}, 1e3)
-
-
-def _median(values: Sequence[float]) -> float:
-    middle = sorted(values)[(len(values) - 1) // 2 : len(values) // 2 + 1]
-    return sum(middle) / len(middle)
+    return estimate({block: median(found) for block, found in builds.items()}, 1e3)
 
 
 def errors_untrimmed_and_trimmed(analysis: Analysis, contestant: Contestant, spp: int | None) -> tuple[Estimate, Estimate]:
@@ -103,19 +103,15 @@ def errors_untrimmed_and_trimmed(analysis: Analysis, contestant: Contestant, spp
     return geometric_interval([whole for whole, _ in known]), geometric_interval([trimmed for _, trimmed in known])
 
 
-def share_of_the_worst(whole: float, trimmed: float, pixels: int) -> float:
-    """Share of relMSE that its worst 0.1 % of pixels (rounded up) hold."""
-    cut = math.ceil(TRIMMED_FRACTION * pixels) / pixels
+def share_of_the_worst(whole: float, trimmed: float, count: int) -> float:
+    """Share of relMSE that the worst 0.1 % (rounded up) of `count` pixels hold."""
+    cut = math.ceil(TRIMMED_FRACTION * count) / count
     return 1 - trimmed * (1 - cut) / whole
-
-
-def pixels(contestant: Contestant) -> int:
-    return contestant.settings.width * contestant.settings.height
 
 
 def one_a_scene_and_shader(analysis: Analysis) -> list[tuple[dict[str, str], Contestant]]:
     """Of each scene and shader the contestant whose other settings most contestants have, with its words."""
-    every = words(analysis)
+    every = named_contestants(analysis)
     counts = Counter((key, named[key]) for named, _ in every for key in named)
     chosen: dict[tuple[str, str], tuple[dict[str, str], Contestant]] = {}
     for named, one in sorted(every, key=lambda pair: -sum(counts[key, word] for key, word in pair[0].items())):

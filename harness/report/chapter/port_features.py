@@ -13,7 +13,7 @@ from engines.errors import RaybenchError
 from harness.analysis import Analysis
 from harness.config import paths
 from harness.report.chapter.document import Section, TablePart
-from harness.report.chapter.words import listed
+from harness.report.chapter.texts import listed
 from harness.report.tables import Column, Table
 from harness.store.results import Results
 

@@ -20,7 +20,7 @@ from harness.analysis import Analysis
 from harness.analysis.equivalence import last_pictured
 from harness.report.chapter import figures
 from harness.report.chapter.document import Paragraph, Part, Section, TablePart
-from harness.report.chapter.words import listed
+from harness.report.chapter.texts import listed
 from harness.report.plots import Picture
 from harness.report.plots.figures import new_figure
 from harness.report.tables import Column, Table
@@ -60,12 +60,12 @@ def section(analysis: Analysis, named: Sequence[tuple[str, Contestant]], plots: 
     truth = _truth(analysis.results, [contestant for _, contestant in measured])
     if isinstance(truth, str):
         return Section("Images", [Paragraph([f"Images were not compared: {truth}."])])
-    found, without = _differences(analysis.results, measured, truth)
+    differences, without = _differences(analysis.results, measured, truth)
     parts: list[Part] = []
     if without:
         parts.append(Paragraph([f"No image was kept of {listed(without)}."]))
-    if found:
-        parts += [TablePart(_table(truth, found)), *figures.part(_drawn(truth, found, plots))]
+    if differences:
+        parts += [TablePart(_table(truth, differences)), *figures.part(_drawn(truth, differences, plots))]
     return Section("Images", parts)
 
 
@@ -90,20 +90,20 @@ def _truth(results: Results, contestants: Sequence[Contestant]) -> Truth | str:
 
 def _differences(results: Results, named: Sequence[tuple[str, Contestant]], truth: Truth) -> tuple[list[Difference], list[str]]:
     """From the smallest difference to the greatest, and the names without an image. Threads change no image."""
-    found: list[Difference] = []
+    differences: list[Difference] = []
     without = []
     for name in dict.fromkeys(name for name, _ in named):
         image = next((i for n, c in named if n == name and (i := _last_image(results, c)) is not None), None)
         if image is None or image.shape != truth.frame.shape:
             without.append(name)
             continue
-        alike = next((d for d in found if np.abs(d.image - image)[truth.balls].max(initial=0) <= SAME), None)
+        alike = next((d for d in differences if np.abs(d.image - image)[truth.balls].max(initial=0) <= SAME), None)
         if alike is not None:
             alike.names.append(name)
         else:
             levels = np.abs(image - truth.frame).max(axis=2)[truth.balls]
-            found.append(Difference([name], image, np.where(levels > STORED, levels, 0.0)))
-    return sorted(found, key=lambda one: float(one.levels.mean())), without
+            differences.append(Difference([name], image, np.where(levels > STORED, levels, 0.0)))
+    return sorted(differences, key=lambda one: float(one.levels.mean())), without
 
 
 def _last_image(results: Results, contestant: Contestant) -> Image | None:
@@ -115,7 +115,7 @@ def _last_image(results: Results, contestant: Contestant) -> Image | None:
     return None
 
 
-def _table(truth: Truth, found: Sequence[Difference]) -> Table:
+def _table(truth: Truth, differences: Sequence[Difference]) -> Table:
     table = Table(
         "port_images",
         "Difference from the port's image",
@@ -130,7 +130,7 @@ def _table(truth: Truth, found: Sequence[Difference]) -> Table:
             Column("visible", f"Share of pixels that differ by more than {VISIBLE}.", "percent", f"above {VISIBLE}"),
         ],
     )
-    for one in found:
+    for one in differences:
         numbers: dict[str, Any] = {
             "median": float(np.median(one.levels)),
             "mean": float(one.levels.mean()),
@@ -141,9 +141,9 @@ def _table(truth: Truth, found: Sequence[Difference]) -> Table:
     return table
 
 
-def _drawn(truth: Truth, found: Sequence[Difference], plots: Path) -> Picture | None:
+def _drawn(truth: Truth, differences: Sequence[Difference], plots: Path) -> Picture | None:
     """The port's frame, the image that differs most, and by how much."""
-    other = found[-1]
+    other = differences[-1]
     if other.levels.max(initial=0) <= SAME:
         return None
     difference = np.abs(other.image - truth.frame).max(axis=2)

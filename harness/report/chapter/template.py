@@ -22,7 +22,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined, TemplateError
 
 from engines.errors import ConfigError, suggestion
 from harness.report.chapter.document import Chapter, FigurePart, Listing, Paragraph, Part, Section, TablePart
-from harness.report.chapter.words import interval
+from harness.report.chapter.texts import interval
 from harness.report.tables.model import number_text
 from harness.statistics import Estimate
 

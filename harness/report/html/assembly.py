@@ -37,7 +37,7 @@ from harness.trace.records import TraceResults
 
 MOST_BYTES = 9_500_000
 """The report stays under 10 MB; pictures get what the rest leaves, at least a tenth of it and at most 6 MB."""
-SCRIPTS = ("table.js", "decode.js", "plots.js", "colours.js", "viewer.js")
+SCRIPTS = ("theme.js", "table.js", "decode.js", "plots.js", "colours.js", "viewer.js")
 LIBRARY = "plotly-basic.min.js"
 """The file `plotly-basic.min.js` of the package plotly.js-basic-dist-min of npm, as it is there."""
 VERDICT_CLASSES = {
@@ -140,7 +140,7 @@ def trace_html(results: TraceResults, table: Table, plots: Sequence[Plot]) -> st
             command=" ".join(results.command),
             config=json.dumps(results.config, indent=2),
             style=Markup(_asset("report.css")),
-            scripts=Markup("\n".join(_asset(name) for name in ("table.js", "decode.js", "plots.js"))),
+            scripts=Markup("\n".join(_asset(name) for name in ("theme.js", "table.js", "decode.js", "plots.js"))),
         )
     )
 

@@ -45,6 +45,24 @@ function viewPixel(view, radiance, other, i, gain, epsilon, maps) {
   return [srgb(gain * radiance[i]), srgb(gain * radiance[i + 1]), srgb(gain * radiance[i + 2])];
 }
 
+// Draws a view of a picture, of the canvas's size.
+function paintView(canvas, view, radiance, other, gain, epsilon, maps) {
+  const context = canvas.getContext("2d");
+  const image = context.createImageData(canvas.width, canvas.height);
+  for (let i = 0, o = 0; i < radiance.length; i += 3, o += 4) {
+    image.data.set(viewPixel(view, radiance, other, i, gain, epsilon, maps), o);
+    image.data[o + 3] = 255;
+  }
+  context.putImageData(image, 0, 0);
+}
+
+// The bar beside a scale.
+function colourBar(stops) {
+  const bar = document.createElement("i");
+  bar.style.background = `linear-gradient(to right, ${stops.map((colour) => `rgb(${colour})`).join(",")})`;
+  return bar;
+}
+
 function scaleWords(view, gain) {
   const limit = (1 / gain).toPrecision(3);
   const ends = ERROR_DECADES.map((decade) => (10 ** decade / gain).toExponential(1));

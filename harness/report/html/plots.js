@@ -21,6 +21,8 @@ function readLibrary() {
   return library;
 }
 
+const AXIS = /^[xy]axis\d*$/; // Keys of a layout that are axes.
+
 function axisOf(layout, letter, index) {
   return layout[`${letter}axis${index ? index + 1 : ""}`];
 }
@@ -62,7 +64,8 @@ function layoutFor(described, width) {
     const texts = y.ticktext && !(inner && !described.texts) ? 6.5 * Math.max(...y.ticktext.flatMap((text) => text.split("<br>")).map((line) => line.length)) : 40;
     if (!x.tickvals) x.nticks = Math.max(3, Math.round((room / columns - texts) / 60));
     if (inner && !described.texts) y.showticklabels = false;
-    if (inner && described.layout[`yaxis${k + 1}`].title.text === described.layout[`yaxis${k > 1 ? k : ""}`].title.text) y.title.text = "";
+    const titleOf = (index) => axisOf(described.layout, "y", index).title.text;
+    if (inner && titleOf(k) === titleOf(k - 1)) y.title.text = "";
     if (below && below.title.text === x.title.text) x.title.text = "";
   }
   const lines = right ? 0 : Math.min(8, Math.ceil(entries.length / Math.max(1, Math.floor(width / legendWidth))));
@@ -106,7 +109,7 @@ async function drawSeen() {
 function moveAxes(element, factor, right, up) {
   const changes = {};
   for (const [name, axis] of Object.entries(element.layout)) {
-    if (!/^[xy]axis\d*$/.test(name) || !axis.range || axis.matches) continue;
+    if (!AXIS.test(name) || !axis.range || axis.matches) continue;
     const [low, high] = axis.range;
     const middle = (low + high) / 2 + (name[0] === "x" ? right : up) * (high - low);
     const half = ((high - low) / 2) * factor;
@@ -118,7 +121,7 @@ function moveAxes(element, factor, right, up) {
 function resetAxes(element) {
   const changes = {};
   for (const [name, axis] of Object.entries(element.described.layout)) {
-    if (!/^[xy]axis\d*$/.test(name)) continue;
+    if (!AXIS.test(name)) continue;
     if (axis.range && !axis.autorange) changes[`${name}.range`] = axis.range;
     else changes[`${name}.autorange`] = axis.autorange || true;
   }

@@ -1,4 +1,4 @@
-// Tables sort by a click on a heading and show the rows that hold all words searched for. Also: copy buttons, theme.
+// Tables sort by a click on a heading and show the rows that hold all words searched for. Also: copy buttons.
 
 function cellKey(row, column) {
   const cell = row.cells[column];
@@ -65,10 +65,4 @@ for (const input of document.querySelectorAll("input[data-filter]")) {
 
 document.addEventListener("click", (event) => {
   if (event.target.matches("button.copy")) copyCommand(event.target);
-});
-
-document.getElementById("theme").addEventListener("click", () => {
-  const root = document.documentElement;
-  const dark = root.dataset.theme ? root.dataset.theme === "dark" : matchMedia("(prefers-color-scheme: dark)").matches;
-  root.dataset.theme = dark ? "light" : "dark";
 });

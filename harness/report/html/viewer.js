@@ -6,11 +6,12 @@ const VIEWS = ["radiance", "difference", "error", "signed", "luminance"];
 const RULES = ["last", "time", "samples"];
 const FRAGMENT = "#images?";
 const SAVE_AFTER = 300;
+const part = (name) => document.getElementById(`viewer-${name}`);
 
 class Viewer {
   constructor(data) {
     this.data = data;
-    this.canvas = document.getElementById("viewer-canvas");
+    this.canvas = part("canvas");
     this.context = this.canvas.getContext("2d");
     this.mode = "flip";
     this.view = "radiance";
@@ -88,7 +89,7 @@ class Viewer {
     const [zoom, x, y] = (state.get("at") ?? "").split(" ").map(Number);
     const place = [zoom, x, y].every(Number.isFinite) && zoom >= 0.1 && zoom <= 64 ? { zoom, x, y } : {};
     const index = Math.max(this.data.groups.findIndex((group) => group.title === state.get("scene")), 0);
-    document.getElementById("viewer-group").value = String(index);
+    part("group").value = String(index);
     if (asked) document.getElementById("images").scrollIntoView();
     return this.open(index, { a: state.get("a") ?? undefined, b: state.get("b") ?? undefined, ...place });
   }
@@ -141,32 +142,22 @@ class Viewer {
     if (!this.drawn.has(index)) {
       const { width, height, radiance, epsilon } = this.group;
       const canvas = new OffscreenCanvas(width, height);
-      const context = canvas.getContext("2d");
-      const image = context.createImageData(width, height);
-      const gain = 2 ** this.exposure;
       const [view, second] = this.view === "difference" ? ["signed", radiance[this.other]] : [this.view, this.reference];
-      for (let i = 0, o = 0; i < radiance[index].length; i += 3, o += 4) {
-        const colour = viewPixel(view, radiance[index], second, i, gain, epsilon, this.data.maps);
-        image.data.set(colour, o);
-        image.data[o + 3] = 255;
-      }
-      context.putImageData(image, 0, 0);
+      paintView(canvas, view, radiance[index], second, 2 ** this.exposure, epsilon, this.data.maps);
       this.drawn.set(index, canvas);
     }
     return this.drawn.get(index);
   }
 
-  // The areas of the canvas, in CSS pixels: [picture, left, top, width, height] each.
+  // The areas of the canvas, in CSS pixels, and the picture in each. They are of one size.
   areas() {
-    const { clientWidth: width, clientHeight: height } = this.canvas;
+    const { clientWidth, clientHeight } = this.canvas;
     const count = this.listed.length;
-    if (this.mode !== "grid") return [[this.current, 0, 0, width, height]];
-    const aspect = (width / height) * (this.group.height / this.group.width);
+    if (this.mode !== "grid") return [{ index: this.current, left: 0, top: 0, width: clientWidth, height: clientHeight }];
+    const aspect = (clientWidth / clientHeight) * (this.group.height / this.group.width);
     const columns = Math.min(count, Math.max(1, Math.round(Math.sqrt(count * aspect))));
-    const rows = Math.ceil(count / columns);
-    return this.listed.map((place, index) => [
-      place, ((index % columns) * width) / columns, (Math.floor(index / columns) * height) / rows, width / columns, height / rows,
-    ]);
+    const [width, height] = [clientWidth / columns, clientHeight / Math.ceil(count / columns)];
+    return this.listed.map((index, k) => ({ index, left: (k % columns) * width, top: Math.floor(k / columns) * height, width, height }));
   }
 
   redraw() {
@@ -177,28 +168,41 @@ class Viewer {
     const context = this.context;
     context.imageSmoothingEnabled = false;
     context.scale(ratio, ratio);
-    for (const [index, left, top, w, h] of this.areas()) this.drawPicture(index, left, top, w, h);
+    for (const area of this.areas()) this.drawPicture(area);
     if (this.mode === "wipe") this.drawWipe(width, height);
     this.drawPixel(width, height);
     this.writeState();
   }
 
-  drawPicture(index, left, top, width, height) {
+  drawPicture({ index, left, top, width, height }) {
     const context = this.context;
     context.save();
     context.beginPath();
     context.rect(left, top, width, height);
     context.clip();
-    const { zoom, x, y } = this;
-    context.drawImage(this.bitmap(index), left + x * width, top + y * height, this.group.width * zoom, this.group.height * zoom);
+    this.drawBitmap(index, left, top, width, height);
     const minus = this.view === "difference" ? ` minus ${this.nameOf(this.other)}` : "";
     const label = this.label(index) + minus;
-    context.font = "13px system-ui, sans-serif";
-    context.fillStyle = "rgba(0, 0, 0, 0.6)";
-    context.fillRect(left, top, Math.min(context.measureText(label).width + 12, width), 22);
-    context.fillStyle = "#fff";
-    context.fillText(label, left + 6, top + 15);
+    this.drawLabel(label, left, top, Math.min(this.widthOf(label), width));
     context.restore();
+  }
+
+  // A picture under zoom and pan in the area that begins at (left, top).
+  drawBitmap(index, left, top, width, height) {
+    const { zoom, x, y } = this;
+    this.context.drawImage(this.bitmap(index), left + x * width, top + y * height, this.group.width * zoom, this.group.height * zoom);
+  }
+
+  widthOf(label) {
+    this.context.font = "13px system-ui, sans-serif";
+    return this.context.measureText(label).width + 12;
+  }
+
+  drawLabel(label, left, top, width) {
+    this.context.fillStyle = "rgba(0, 0, 0, 0.6)";
+    this.context.fillRect(left, top, width, 22);
+    this.context.fillStyle = "#fff";
+    this.context.fillText(label, left + 6, top + 15);
   }
 
   label(place) {
@@ -222,9 +226,9 @@ class Viewer {
     context.fillStyle = "#fff";
     lines.forEach((line, row) => context.fillText(line, left + 6, top + 16 * (row + 1)));
     const { zoom } = this;
+    const { area } = at;
     context.strokeStyle = "#fff";
-    const [, areaLeft, areaTop, w, h] = at.area;
-    if (zoom >= 6) context.strokeRect(areaLeft + this.x * w + at.x * zoom, areaTop + this.y * h + at.y * zoom, zoom, zoom);
+    if (zoom >= 6) context.strokeRect(area.left + this.x * area.width + at.x * zoom, area.top + this.y * area.height + at.y * zoom, zoom, zoom);
   }
 
   drawWipe(width, height) {
@@ -236,28 +240,24 @@ class Viewer {
     context.beginPath();
     context.rect(edge, 0, width - edge, height);
     context.clip();
-    context.drawImage(this.bitmap(this.other), this.x * width, this.y * height, this.group.width * this.zoom, this.group.height * this.zoom);
+    this.drawBitmap(this.other, 0, 0, width, height);
     context.restore();
     const label = this.label(this.other);
-    context.font = "13px system-ui, sans-serif";
-    const wide = context.measureText(label).width + 12;
-    context.fillStyle = "rgba(0, 0, 0, 0.6)";
-    context.fillRect(width - wide, 0, wide, 22);
-    context.fillStyle = "#fff";
-    context.fillText(label, width - wide + 6, 15);
+    const wide = this.widthOf(label);
+    this.drawLabel(label, width - wide, 0, wide);
     context.fillRect(edge - 1, 0, 2, height);
   }
 
   // --- zoom and pan: picture pixel p lies at (x * area + p * zoom)
 
   fit() {
-    const [, , , width, height] = this.areas()[0];
+    const { width, height } = this.areas()[0];
     this.setZoom(Math.min(width / this.group.width, height / this.group.height));
     this.fitted = true;
   }
 
   setZoom(zoom) {
-    const [, , , width, height] = this.areas()[0];
+    const { width, height } = this.areas()[0];
     this.zoom = zoom;
     this.fitted = false;
     this.x = 0.5 - (this.group.width * zoom) / width / 2;
@@ -277,7 +277,7 @@ class Viewer {
   }
 
   pan(dx, dy) {
-    const [, , , width, height] = this.areas()[0];
+    const { width, height } = this.areas()[0];
     this.x += dx / width;
     this.y += dy / height;
     this.fitted = false;
@@ -288,18 +288,18 @@ class Viewer {
 
   writeChoices() {
     for (const side of ["a", "b"]) {
-      document.getElementById(`viewer-${side}`).replaceChildren(...this.listed.map((place) => {
+      part(side).replaceChildren(...this.listed.map((place) => {
         const picture = this.group.pictures[place];
         return new Option(`${this.keyOf(place)} ${picture.name} (${picture.caption})`, String(place));
       }));
     }
-    const rules = document.getElementById("viewer-rule");
+    const rules = part("rule");
     rules.replaceChildren(...RULES.map((rule) => new Option(this.group.rules[rule].words, rule)));
     this.writeMissing(this.group.rules[this.rule].missing);
   }
 
   writeMissing(missing) {
-    const place = document.getElementById("viewer-missing");
+    const place = part("missing");
     place.hidden = !missing.length;
     place.querySelector("summary").textContent = `${missing.length} contestant${missing.length === 1 ? "" : "s"} not shown, and why`;
     place.querySelector("ul").replaceChildren(...missing.map(([name, reason]) => {
@@ -313,12 +313,12 @@ class Viewer {
     for (const button of document.querySelectorAll("[data-mode]")) {
       button.setAttribute("aria-pressed", String(button.dataset.mode === this.mode));
     }
-    document.getElementById("viewer-a").value = String(this.current);
-    document.getElementById("viewer-b").value = String(this.other);
-    document.getElementById("viewer-rule").value = this.rule;
-    document.getElementById("viewer-view").value = this.view;
-    document.getElementById("viewer-exposure").value = this.exposure;
-    document.getElementById("viewer-ev").textContent = `${this.exposure > 0 ? "+" : ""}${this.exposure} EV`;
+    part("a").value = String(this.current);
+    part("b").value = String(this.other);
+    part("rule").value = this.rule;
+    part("view").value = this.view;
+    part("exposure").value = this.exposure;
+    part("ev").textContent = `${this.exposure > 0 ? "+" : ""}${this.exposure} EV`;
     const picture = this.group.pictures[this.current];
     this.canvas.setAttribute("aria-label", `${this.group.title}, ${picture.name}, ${picture.caption}, ${this.view}`);
     this.writeScale();
@@ -326,7 +326,7 @@ class Viewer {
   }
 
   writeScale() {
-    const place = document.getElementById("viewer-scale");
+    const place = part("scale");
     const words = scaleWords(this.view, 2 ** this.exposure);
     place.replaceChildren();
     if (!words) return;
@@ -334,13 +334,11 @@ class Viewer {
       place.textContent = "There is no reference to compare with.";
       return;
     }
-    const bar = document.createElement("i");
-    bar.style.background = `linear-gradient(to right, ${this.data.maps[words[0]].map((c) => `rgb(${c})`).join(",")})`;
-    place.append(bar, words[1]);
+    place.append(colourBar(this.data.maps[words[0]]), words[1]);
   }
 
   writePixel() {
-    const status = document.getElementById("viewer-status");
+    const status = part("status");
     const at = this.pixelAt();
     const shrunk = this.group.factor > 1 ? ` Shown at 1/${this.group.factor} of its resolution.` : "";
     if (!at) {
@@ -370,7 +368,7 @@ class Viewer {
   pixelAt() {
     if (!this.pointer) return null;
     for (const area of this.areas()) {
-      const [index, left, top, width, height] = area;
+      const { index, left, top, width, height } = area;
       const px = this.pointer.x - left;
       const py = this.pointer.y - top;
       if (px < 0 || py < 0 || px >= width || py >= height) continue;
@@ -387,21 +385,26 @@ class Viewer {
 
   listen() {
     const canvas = this.canvas;
-    document.getElementById("viewer-group").addEventListener("change", async (event) => {
+    part("group").addEventListener("change", async (event) => {
       await this.open(Number(event.target.value), { a: this.nameOf(this.current), b: this.nameOf(this.other) });
       this.save();
     });
-    document.getElementById("viewer-rule").addEventListener("change", (event) => { this.setRule(event.target.value); this.changed(); });
-    document.getElementById("viewer-a").addEventListener("change", (event) => this.choose(Number(event.target.value)));
-    document.getElementById("viewer-b").addEventListener("change", (event) => this.choose(Number(event.target.value), "other"));
-    document.getElementById("viewer-swap").addEventListener("click", () => this.swap());
+    part("rule").addEventListener("change", (event) => { this.setRule(event.target.value); this.changed(); });
+    part("a").addEventListener("change", (event) => this.choose(Number(event.target.value)));
+    part("b").addEventListener("change", (event) => this.choose(Number(event.target.value), "other"));
+    part("swap").addEventListener("click", () => this.swap());
     addEventListener("hashchange", () => { if (location.hash.startsWith(FRAGMENT) && location.hash !== this.saved) this.restore(); });
-    document.getElementById("viewer-view").addEventListener("change", (event) => this.setView(event.target.value));
-    document.getElementById("viewer-exposure").addEventListener("input", (event) => this.set("exposure", Number(event.target.value)));
+    part("view").addEventListener("change", (event) => this.setView(event.target.value));
+    part("exposure").addEventListener("input", (event) => this.set("exposure", Number(event.target.value)));
     for (const button of document.querySelectorAll("[data-mode]")) {
       button.addEventListener("click", () => this.setMode(button.dataset.mode));
     }
-    const zooms = { in: () => this.zoomBy(1.5), out: () => this.zoomBy(1 / 1.5), fit: () => { this.fit(); this.save(); }, one: () => { this.setZoom(1); this.save(); } };
+    const zooms = {
+      in: () => this.zoomBy(1.5),
+      out: () => this.zoomBy(1 / 1.5),
+      fit: () => { this.fit(); this.save(); },
+      one: () => { this.setZoom(1); this.save(); },
+    };
     for (const button of document.querySelectorAll("[data-zoom]")) button.addEventListener("click", zooms[button.dataset.zoom]);
     canvas.addEventListener("keydown", (event) => this.key(event));
     canvas.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
@@ -449,10 +452,9 @@ class Viewer {
   wheel(event) {
     if (document.activeElement !== this.canvas) return;
     event.preventDefault();
-    const area = this.areas().find(([, l, t, w, h]) => event.offsetX >= l && event.offsetX < l + w && event.offsetY >= t && event.offsetY < t + h);
-    if (!area) return;
-    const [, left, top, width, height] = area;
-    this.zoomBy(Math.exp(-event.deltaY * 0.0015), (event.offsetX - left) / width, (event.offsetY - top) / height);
+    const shares = this.areas().map((area) => [(event.offsetX - area.left) / area.width, (event.offsetY - area.top) / area.height]);
+    const inside = shares.find(([x, y]) => x >= 0 && x < 1 && y >= 0 && y < 1);
+    if (inside) this.zoomBy(Math.exp(-event.deltaY * 0.0015), ...inside);
   }
 
   press(event) {

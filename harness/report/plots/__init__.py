@@ -13,8 +13,6 @@ from harness.report.plots.stability import plots as stability_plots
 from harness.report.plots.style import FORMATS, Palette, formats
 from harness.store.confined import inside
 
-__all__ = ["Palette", "Picture", "Plot", "plots_of", "stability_plots", "write_files", "write_plots"]
-
 WORTH_A_SECOND_PROCESS = 6
 """Figures from which on a second process, which needs a second to start, draws every other one."""
 

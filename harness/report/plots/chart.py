@@ -43,12 +43,12 @@ class Entry(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """n points, `joined` by a line if `look` has one. NaN breaks the line.
+    """n points at `x` and `y` (n,), `joined` by a line where `look` has one, which may be a staircase (`step`). NaN breaks it.
 
-    `x_interval` and `y_interval` are (n, 2) lower and upper ends, NaN where unknown: whiskers, or an `area` of those of y.
-    `hover` names what a reader is told of a point: n values each (NaN and None are left out). A series without it does not
-    answer to the pointer. `name` heads that text; `label` stands in the legend. `bounds`: what is known of y is that it lies
-    below the points.
+    `x_interval` and `y_interval` (n, 2) are lower and upper ends, NaN where they are unknown. They are drawn as whiskers;
+    with `area` those of y are a shaded area. `bounds`: y is an upper bound. `behind`: other series are drawn over this one.
+    `label` stands in the legend. `hover` has what the pointer shows of each point, below `name`; NaN and None are left out.
+    A series without `hover` does not answer to the pointer.
     """
 
     x: np.ndarray
@@ -126,8 +126,8 @@ class Subplot:
 class Chart:
     """Subplots in rows of `columns`; `width` and `height` are inches of the file, of all of them.
 
-    `legend`: right, below, or each (below each subplot). `key`: what looks mean, in the file in place of an entry a series;
-    `more`: entries beside those.
+    `legend` is "right", "below", or "each": one below each subplot of a file, and below all of them in the report. In a file
+    `key` stands in place of the entries of series, and says what looks mean; `more` are entries beside those of series.
     `shared_x` and `shared_y` say which subplots have an axis in common: all, none, those of a col or those of a row. `warning`
     stands above all.
     """

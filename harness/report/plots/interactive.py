@@ -203,8 +203,8 @@ def _bars(bars: Bars) -> Iterable[Json]:
     yield {
         "type": "bar",
         "orientation": "h",
-        "name": bars.label,
-        "legendgroup": bars.label,
+        "name": _text(bars.label),
+        "legendgroup": _text(bars.label),
         "showlegend": True,
         "base": _numbers(bars.start),
         "x": _numbers(bars.length),
@@ -290,17 +290,9 @@ def _line_guide(guide: Guide) -> Json:
 
 
 def _area_guide(guide: Guide, low: float, labels: set[str]) -> Json:
-    shown = guide.text not in labels
-    labels.add(guide.text)
-    look = {
-        "type": "rect",
-        "y0": _number(low),
-        "fillcolor": guide.colour,
-        "opacity": 0.15,
-        "line": {"width": 0},
-        "layer": "below",
-    }
-    return look | {"name": _text(guide.text), "showlegend": shown}
+    entry = {"name": _text(guide.text), "showlegend": True}
+    look = {"type": "rect", "fillcolor": guide.colour, "opacity": 0.15, "line": {"width": 0}, "layer": "below"}
+    return {"y0": _number(low), **look, **entry, **_legend_entry(entry, labels)}
 
 
 def _add_notes(layout: Json, data: list[Json], subplot: Subplot, axes: Json) -> None:

@@ -13,20 +13,6 @@ from harness.report.tables.verdicts import all_tables
 from harness.store.atomic import write_text
 from harness.store.confined import inside
 
-__all__ = [
-    "TEXTS",
-    "Column",
-    "Table",
-    "all_tables",
-    "cell_text",
-    "changes",
-    "columns",
-    "sort_value",
-    "tidy_tables",
-    "write_table",
-    "write_tables",
-]
-
 TEXTS = {"csv": csv_text, "md": markdown_text, "tex": latex_text}
 
 

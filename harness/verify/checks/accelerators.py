@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from engines.interface import Hits
 from engines.scene import Mesh, Shape, Triangle
@@ -24,8 +22,10 @@ from harness.verify.scenes import (
     sphere,
     sphere_mesh,
     triangle_soup,
+    triangles,
 )
 from harness.verify.subject import Subject, accelerator_names
+from harness.verify.tolerances import NONE_WRONG
 
 SECTION = Section("accelerators", each_accelerator=True)
 ZEROS = (0.0, -0.0, 1e-40, -1e-40)
@@ -40,7 +40,10 @@ def _floor(cells: int, z: float = 0.0) -> Mesh:
 
 
 @SECTION.case(
-    "B1", "Rays in faces and along edges of boxes hit the shapes in them, with components of 0, -0 and 1e-40.", "Ize 2013"
+    "B1",
+    "Rays in faces and along edges of boxes hit the shapes in them, with components of 0, -0 and 1e-40.",
+    NONE_WRONG,
+    "Ize 2013",
 )
 def in_faces(subject: Subject) -> Iterator[Measurement]:
     cells = 16
@@ -59,7 +62,7 @@ def in_faces(subject: Subject) -> Iterator[Measurement]:
             yield measurement((hits.t != 1.0) | ~hidden, f"{name} across {'xyz'[(2 + axis) % 3]}")
 
 
-@SECTION.case("B2", "Every ray from inside a box hits it; no ray from its faces outwards does.", "raybench")
+@SECTION.case("B2", "Every ray from inside a box hits it; no ray from its faces outwards does.", NONE_WRONG)
 def inside_out(subject: Subject) -> Iterator[Measurement]:
     rng, n = np.random.default_rng(2), subject.count(4000)
     renderer = subject.tracer(box())
@@ -91,22 +94,18 @@ def _hard_scenes(subject: Subject) -> Iterator[tuple[str, list[Shape]]]:
     yield "2 overlapping", [*pair]
     yield (
         "a point and a line beside one",
-        [_triangles(np.full((1, 3, 3), 0.25)), _triangles(np.arange(3.0)[None, :, None] * np.ones(3)), UNIT_UP],
+        [triangles(np.full((1, 3, 3), 0.25)), triangles(np.arange(3.0)[None, :, None] * np.ones(3)), UNIT_UP],
     )
     yield "random", [triangle_soup(n, 0.2)]
     yield "small beside huge", [mesh(1e-3 * triangle_soup(20, 1.0).vertices + 0.5, triangle_soup(20, 1.0).faces), big]
-    yield "equal centroids", [_triangles(same - same.mean(axis=1, keepdims=True))]
-    yield "on a line", [_triangles(line)]
-    yield "duplicates", [_triangles(np.tile(same[:1] * 0.4, (10 * n if subject.accelerator != "none" else n, 1, 1)))]
+    yield "equal centroids", [triangles(same - same.mean(axis=1, keepdims=True))]
+    yield "on a line", [triangles(line)]
+    yield "duplicates", [triangles(np.tile(same[:1] * 0.4, (10 * n if subject.accelerator != "none" else n, 1, 1)))]
     yield "flat", [_floor(12)]
     yield ("all kinds", [sphere_mesh(8, (0.5, 0.5, 0.5), 0.3), FLOOR, sphere((0.2, 0.8, 0.1), 0.25), sphere((1, 1, 1), 0.5)])
 
 
 UNIT_UP = Triangle((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0)
-
-
-def _triangles(corners: NDArray[Any]) -> Mesh:
-    return mesh(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
 
 
 def _rays(subject: Subject, shapes: list[Shape], n: int) -> tuple[Array, Array]:
@@ -129,13 +128,13 @@ def _differences(ours: Hits, theirs: Hits) -> Array:
 
 
 @SECTION.case(
-    "A1", "Every accelerator gives the same hits, with t equal bit for bit, on scenes that are hard for trees.", "raybench"
+    "A1", "Every accelerator gives the same hits, with t equal bit for bit, on scenes that are hard for trees.", NONE_WRONG
 )
 def same_hits(subject: Subject) -> Iterator[Measurement]:
     """Compares with the engine's first accelerator; where there is no other, `occluded` with `trace`."""
     first = accelerator_names(subject.engine)[0]
-    for name, given in _hard_scenes(subject):
-        shapes = _cast_meshes(subject, given)
+    for name, uncast in _hard_scenes(subject):
+        shapes = _cast_meshes(subject, uncast)
         origins, directions = _rays(subject, shapes, subject.count(1600))
         renderer = subject.tracer(*shapes)
         hits = renderer.trace(origins, directions)
@@ -149,7 +148,7 @@ def _cast_meshes(subject: Subject, shapes: list[Shape]) -> list[Shape]:
     return [mesh(subject.cast(shape.vertices), shape.faces) if isinstance(shape, Mesh) else shape for shape in shapes]
 
 
-@SECTION.case("A2", "Rays along the walls and through the corners of grid cells hit, and every traversal ends.", "raybench")
+@SECTION.case("A2", "Rays along the walls and through the corners of grid cells hit, and every traversal ends.", NONE_WRONG)
 def cell_walls(subject: Subject) -> Iterator[Measurement]:
     layers = [_floor(8, float(z)) for z in (-1.0, -0.5, 0.0)]
     rng, n = np.random.default_rng(22), subject.count(4000)
@@ -160,15 +159,15 @@ def cell_walls(subject: Subject) -> Iterator[Measurement]:
         yield measurement((np.abs(hits.t / away - 1) > 16 * subject.eps) | (hits.shape != 2), f"from {away:g}")
 
 
-@SECTION.case("A7", "Hits do not depend on the options of an accelerator, such as a grid of one cell.", "raybench")
+@SECTION.case("A7", "Hits do not depend on the options of an accelerator, such as a grid of one cell.", NONE_WRONG)
 def any_resolution(subject: Subject) -> Iterator[Measurement]:
     """Compares with the engine's first accelerator, for the extreme values of all numeric options."""
     first, n = accelerator_names(subject.engine)[0], subject.count(1600)
     scenes: list[list[Shape]] = [[UNIT_UP], [_floor(8)], [triangle_soup(60, 0.3)], [*(_floor(4, z) for z in (-1.0, -0.5, 0.0))]]
     for option, value in _extremes(subject):
         chosen, wrong = {"name": subject.accelerator, option: value}, np.zeros(0, bool)
-        for given in scenes:
-            shapes = _cast_meshes(subject, given)
+        for uncast in scenes:
+            shapes = _cast_meshes(subject, uncast)
             origins, directions = _rays(subject, shapes, n)
             hits = subject.tracer(*shapes, accelerator=chosen).trace(origins, directions)
             expected = subject.tracer(*shapes, accelerator=first).trace(origins, directions)
@@ -185,11 +184,11 @@ def _extremes(subject: Subject) -> Iterator[tuple[str, float]]:
             yield from ((name, value) for value in dict.fromkeys([*taken[:1], *taken[-1:]]))
 
 
-@SECTION.case("A3", "A hit beyond the current cell does not hide a nearer one.", "raybench")
+@SECTION.case("A3", "A hit beyond the current cell does not hide a nearer one.", NONE_WRONG)
 def not_early(subject: Subject) -> Iterator[Measurement]:
     rng, n = np.random.default_rng(33), subject.count(2000)
     slope = Triangle((-1.0, -1.0, -4.0), (3.0, -1.0, -4.0), (1.0, 3.0, 4.0), 0)
-    dots = _triangles(subject.cast(rng.random((200, 1, 3)) + 0.02 * rng.normal(size=(200, 3, 3))))
+    dots = triangles(subject.cast(rng.random((200, 1, 3)) + 0.02 * rng.normal(size=(200, 3, 3))))
     origins = subject.cast(rng.uniform(-1, 2, (n, 3)))
     directions = subject.cast(rng.random((n, 3)) - origins)
     both = subject.trace([slope, dots], origins, directions)
@@ -199,16 +198,16 @@ def not_early(subject: Subject) -> Iterator[Measurement]:
         yield measurement((both.t != nearer) & ~(np.abs(both.t - nearer) <= 32 * subject.eps * np.minimum(nearer, 10)))
 
 
-@SECTION.case("A4", "Primitives at distances 2^-k, each half as large as the last, are all hit.", "raybench")
+@SECTION.case("A4", "Primitives at distances 2^-k, each half as large as the last, are all hit.", NONE_WRONG)
 def geometric(subject: Subject) -> Iterator[Measurement]:
     sizes = 2.0 ** -np.arange(0, 60 if subject.tracing == "float64" else 30)
     corners = sizes[:, None, None] * np.array([[1.0, 0, 0], [1.0, 0.5, 0], [1.0, 0, 0.5]])
     aim = sizes[:, None] * (1.0, 0.125, 0.125)
-    hits = subject.trace([_triangles(corners)], aim + sizes[:, None] * (0.25, 0, 0), np.tile([-1.0, 0, 0], (len(aim), 1)))
+    hits = subject.trace([triangles(corners)], aim + sizes[:, None] * (0.25, 0, 0), np.tile([-1.0, 0, 0], (len(aim), 1)))
     yield measurement((hits.primitive != np.arange(len(aim))) | (np.abs(hits.t / (0.25 * sizes) - 1) > 64 * subject.eps))
 
 
-@SECTION.case("A5", "Infinite planes are hit far from the origin, also beside a mesh.", "MobileRT M13")
+@SECTION.case("A5", "Infinite planes are hit far from the origin, also beside a mesh.", NONE_WRONG, "MobileRT M13")
 def planes(subject: Subject) -> Iterator[Measurement]:
     rng, n = np.random.default_rng(55), subject.count(2000)
     away = normalize(rng.normal(size=(n, 3))) * 10.0 ** rng.uniform(0, 4, (n, 1))
@@ -217,7 +216,7 @@ def planes(subject: Subject) -> Iterator[Measurement]:
     yield measurement((hits.t != 2.0) | (hits.shape != 0))
 
 
-@SECTION.case("A6", "Two builds, and renders with one and two threads, give the same bytes.", "raybench")
+@SECTION.case("A6", "Two builds, and renders with one and two threads, give the same bytes.", NONE_WRONG)
 def same_bytes(subject: Subject) -> Iterator[Measurement]:
     held = scene([triangle_soup(200, 0.3), FLOOR], lights=[WHITE_SKY], camera=FRONT_CAMERA)
     films = [subject.renderer(held, shader=path_tracer(3), threads=k, seed=5).render(2) for k in (1, 1, 2)]

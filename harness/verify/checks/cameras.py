@@ -13,10 +13,13 @@ from harness.verify.case import Array, Measurement, Section, measurement
 from harness.verify.replicates import z_score
 from harness.verify.scenes import material, path_tracer, quad
 from harness.verify.subject import Subject
+from harness.verify.tolerances import LARGEST_Z, NONE_WRONG, Tolerance
 
 SECTION = Section("cameras")
 EYE, TARGET, UP = (0.0, 0.0, 3.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 DISTANCE = 3.0
+BLURRED = ("focus before", "focus behind", "a spot aside", "a spot below")
+LENS = {"in focus": 0, **dict.fromkeys(BLURRED, LARGEST_Z)}
 
 
 def _seen(subject: Subject, camera: Perspective | Orthographic, half_width: float, half_height: float) -> Array:
@@ -35,7 +38,7 @@ def _seen(subject: Subject, camera: Perspective | Orthographic, half_width: floa
     return image != lit
 
 
-@SECTION.case("cam", "The image shows what field of view, aspect and axis select, upright.", "engines.interface")
+@SECTION.case("cam", "The image shows what field of view, aspect and axis select, upright.", NONE_WRONG, "engines.interface")
 def window(subject: Subject) -> Iterator[Measurement]:
     for resolution in ((24, 16), (16, 24)):
         aspect = resolution[0] / resolution[1]
@@ -49,7 +52,9 @@ def window(subject: Subject) -> Iterator[Measurement]:
         yield measurement(_seen(subject, camera, aspect, 1.0), f"orthographic, {resolution[0]} wide")
 
 
-@SECTION.case("cam.shift", "The principal point shifts the image, and a mirror exchanges left and right.", "docs/transport.md")
+@SECTION.case(
+    "cam.shift", "The principal point shifts the image, and a mirror exchanges left and right.", NONE_WRONG, "docs/transport.md"
+)
 def shifted(subject: Subject) -> Iterator[Measurement]:
     half = DISTANCE * math.tan(math.radians(30))
     cameras = {
@@ -59,11 +64,16 @@ def shifted(subject: Subject) -> Iterator[Measurement]:
     for name, camera in cameras.items():
         for point in ((0.25, 0.0), (-0.125, 0.1875)):
             for mirror in (False, True):
-                given = replace(camera, principal_point=point, mirror=mirror)
-                yield measurement(_seen(subject, given, 1.5 * half, half), f"{name}, {point}{', mirror' * mirror}")
+                view = replace(camera, principal_point=point, mirror=mirror)
+                yield measurement(_seen(subject, view, 1.5 * half, half), f"{name}, {point}{', mirror' * mirror}")
 
 
-@SECTION.case("cam.clip", "Nothing is seen that lies outside of the two distances along the axis of view.", "docs/transport.md")
+@SECTION.case(
+    "cam.clip",
+    "Nothing is seen that lies outside of the two distances along the axis of view.",
+    NONE_WRONG,
+    "docs/transport.md",
+)
 def clipped(subject: Subject) -> Iterator[Measurement]:
     """A dim square at distance 2 hides a bright one at 3; distances count along the axis, not along rays."""
     squares = [quad([(-9, -9, z), (9, -9, z), (9, 9, z), (-9, 9, z)], k) for k, z in enumerate((1.0, 0.0))]
@@ -77,8 +87,8 @@ def clipped(subject: Subject) -> Iterator[Measurement]:
             ((2.01, 2.99), 0.0),
             ((3.01, math.inf), 0.0),
         ):
-            given = replace(camera, clip=clip)
-            seen = subject.image(squares, materials, [], given, path_tracer(1), sampler="constant")
+            view = replace(camera, clip=clip)
+            seen = subject.image(squares, materials, [], view, path_tracer(1), sampler="constant")
             yield measurement(seen != truth, f"{type(camera).__name__}, {clip}")
 
 
@@ -89,6 +99,7 @@ def _lens(radius: float, focus: float, resolution: tuple[int, int], fov: float) 
 @SECTION.case(
     "lens",
     "A thin lens is sharp at its focus distance, and elsewhere has the circle of confusion of its aperture.",
+    Tolerance("z", LENS, LENS),
     "Kolb, Mitchell and Hanrahan 1995",
 )
 def lens(subject: Subject) -> Iterator[Measurement]:

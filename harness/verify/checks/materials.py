@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 
@@ -12,12 +11,12 @@ from engines.scene import Conductor, DirectionalLight, Material, Plane, Shape
 from harness.verify import closed_forms as forms
 from harness.verify.case import Measurement, Section, measurement
 from harness.verify.checks.glass import cosine_of, fresnel, toward
-from harness.verify.replicates import STRATEGIES, means, z_score
-from harness.verify.scenes import FLOOR, ORIGIN, WHITE_SKY, grey, material, path_tracer, point_view, sphere, whitted
+from harness.verify.replicates import STRATEGIES, by_strategy
+from harness.verify.scenes import FLOOR, ORIGIN, WHITE_SKY, direction, grey, material, path_tracer, point_view, sphere, whitted
 from harness.verify.subject import Subject
+from harness.verify.tolerances import EXACT, MANY_EVENTS, Z
 
 SECTION = Section("materials")
-PIXEL_CENTRE: dict[str, Any] = {"sampler": "constant"}
 LOSSLESS: dict[str, Material] = {
     "matte": material(kd=1),
     "mirror": material(ks=1),
@@ -42,7 +41,7 @@ ABSORBING: dict[str, Material] = {
 ANGLES = (0, 20, 45, 70, 85)
 
 
-@SECTION.case("wf", "In a white furnace every lossless opaque material is white.", "raybench")
+@SECTION.case("wf", "In a white furnace every lossless opaque material is white.", EXACT)
 def white(subject: Subject) -> Iterator[Measurement]:
     """Exact for `direct: bsdf`; with light sampling only where the material has one lobe."""
     view = point_view((0.5, 3.0, 2.0), ORIGIN, 8)
@@ -52,7 +51,7 @@ def white(subject: Subject) -> Iterator[Measurement]:
             yield measurement(seen - 1, f"{name}, {direct}")
 
 
-@SECTION.case("wf.glass", "In a white furnace every lossless transparent body is invisible.", "raybench")
+@SECTION.case("wf.glass", "In a white furnace every lossless transparent body is invisible.", MANY_EVENTS)
 def white_glass(subject: Subject) -> Iterator[Measurement]:
     view = point_view((0.5, 3.0, 2.0), (0.5, 0.3, 0.2), 8)
     for name in ("glass", "glass without Fresnel", "clear", "frosted", "coated"):
@@ -60,51 +59,50 @@ def white_glass(subject: Subject) -> Iterator[Measurement]:
         yield measurement(seen - 1, name)
 
 
-@SECTION.case("wf.z", "In a white furnace the mean radiance of every mixture of lobes is white, by every strategy.", "raybench")
+@SECTION.case("wf.z", "In a white furnace the mean radiance of every mixture of lobes is white, by every strategy.", Z)
 def white_mixtures(subject: Subject) -> Iterator[Measurement]:
     view = point_view((0.5, 3.0, 2.0), (0.5, 0.3, 0.2), 32)
     for name in subject.subset(("half a mirror", "mostly mirror", "frosted", "coated", "coloured"), 1):
-        for direct in STRATEGIES if name == "coloured" else ("light", "mis"):
-            seen = means(subject, [sphere()], [LOSSLESS[name]], [WHITE_SKY], view, path_tracer(100, direct), 2)
-            yield z_score(subject, seen, 1.0, f"{name}, {direct}")
+        strategies = STRATEGIES if name == "coloured" else ("light", "mis")
+        yield from by_strategy(subject, [sphere()], [LOSSLESS[name]], [WHITE_SKY], view, 1.0, name, 2, strategies, 100)
 
 
 @SECTION.case(
     "energy",
     "A surface reflects and transmits the shares given by its weights, and never more than it receives.",
+    EXACT,
     "Veach 1997, 4.5 and 5.3",
 )
 def energy(subject: Subject) -> Iterator[Measurement]:
     """Under a white environment with a black plane behind the surface (R), then without it (R + T / eta^2)."""
-    for name, given in ABSORBING.items():
+    for name, surface in ABSORBING.items():
         for below in (False, True):
-            eta = 1 / given.ior if below else given.ior
+            eta = 1 / surface.ior if below else surface.ior
             bed = Plane((0.0, 1.0 if below else -1.0, 0.0), (0.0, 1.0, 0.0), 1)
             errors = []
             for degrees in ANGLES:
                 view = toward(degrees, below)
                 sides: list[list[Shape]] = [[FLOOR, bed], [FLOOR]]
-                black, both = (
-                    subject.image(side, [given, material()], [WHITE_SKY], view, whitted(2), **PIXEL_CENTRE)[0, 0]
-                    for side in sides
-                )
-                reflected, transmitted = _weights(given, eta, cosine_of(view))
+                black, both = (subject.radiance(side, [surface, material()], [WHITE_SKY], view, whitted(2)) for side in sides)
+                reflected, transmitted = _weights(surface, eta, cosine_of(view))
                 sent = black + (both - black) * eta**2
                 errors += [black - reflected, (both - black) * eta**2 - transmitted, max(sent - 1, 0.0)]
             yield measurement(errors, f"{name}, from {'behind' if below else 'the front'}")
 
 
-def _weights(given: Material, eta: float, cosine: float) -> tuple[float, float]:
+def _weights(surface: Material, eta: float, cosine: float) -> tuple[float, float]:
     """(reflected, transmitted) shares of the light. Without Fresnel, total reflection includes the weight of kt."""
-    kd, ks, kt = given.kd[0], given.ks[0], given.kt[0]
-    if given.fresnel:
+    kd, ks, kt = surface.kd[0], surface.ks[0], surface.kt[0]
+    if surface.fresnel:
         share = fresnel(0.0, eta, cosine)
         return kd + ks * share, kt * (1 - share)
     total = (1 - cosine**2) / eta**2 >= 1
     return (kd + ks + kt, 0.0) if total else (kd + ks, kt)
 
 
-@SECTION.case("metal", "A smooth metal reflects by Fresnel's equations, a rough one by GGX microfacets.", "Walter et al. 2007")
+@SECTION.case(
+    "metal", "A smooth metal reflects by Fresnel's equations, a rough one by GGX microfacets.", EXACT, "Walter et al. 2007"
+)
 def metals(subject: Subject) -> Iterator[Measurement]:
     eta, k = 0.4, 2.4
     smooth, rough = (_metal(eta, k, alpha) for alpha in (0.0, 0.4))
@@ -112,14 +110,12 @@ def metals(subject: Subject) -> Iterator[Measurement]:
     for degrees in ANGLES:
         view = toward(degrees, False)
         truth = forms.conductor(eta, k, cosine_of(view))
-        errors += [
-            subject.image([FLOOR], [smooth], [WHITE_SKY], view, shader, **PIXEL_CENTRE)[0, 0] - truth
-            for shader in (whitted(2), path_tracer(2))
-        ]
+        shaders = whitted(2), path_tracer(2)
+        errors += [subject.radiance([FLOOR], [smooth], [WHITE_SKY], view, shader) - truth for shader in shaders]
     yield measurement(errors, "smooth")
     errors = []
     for light, eye in (((30, 10), (30, 190)), ((60, 200), (20, 50)), ((10, 0), (70, 100))):
-        wi, wo = _direction(*light), _direction(*eye)
+        wi, wo = direction(*light), direction(*eye)
         cosine = float(wi @ (wi + wo) / np.linalg.norm(wi + wo))
         truth = forms.conductor(eta, k, cosine) * forms.specular_value(0.4, wo, wi)
         errors.append(_scattered(subject, rough, wi, wo) * wi[1] - truth)
@@ -130,10 +126,10 @@ def _metal(eta: float, k: float, alpha: float) -> Material:
     return material(bsdf=Conductor(grey(eta), grey(k), alpha=(alpha, alpha)))
 
 
-@SECTION.case("recip", "BSDFs are reciprocal: f(wi, wo) = f(wo, wi).", "Veach 1997, 5.2")
+@SECTION.case("recip", "BSDFs are reciprocal: f(wi, wo) = f(wo, wi).", EXACT, "Veach 1997, 5.2")
 def reciprocity(subject: Subject) -> Iterator[Measurement]:
     """Renders a directional light from wi with the camera at wo, then with the two exchanged."""
-    directions = [_direction(*angles) for angles in ((0, 0), (30, 10), (60, 200), (80, 100))]
+    directions = [direction(*angles) for angles in ((0, 0), (30, 10), (60, 200), (80, 100))]
     for name in ("matte", "mixed", "frosted"):
         errors = []
         for a, b in ((a, b) for a in directions for b in directions if a is not b):
@@ -142,33 +138,28 @@ def reciprocity(subject: Subject) -> Iterator[Measurement]:
         yield measurement(errors, name)
 
 
-def _direction(polar: float, azimuth: float) -> np.ndarray:
-    theta, phi = math.radians(polar), math.radians(azimuth)
-    return np.array([math.sin(theta) * math.cos(phi), math.cos(theta), math.sin(theta) * math.sin(phi)])
-
-
-def _scattered(subject: Subject, given: Material, light: np.ndarray, eye: np.ndarray) -> float:
+def _scattered(subject: Subject, surface: Material, light: np.ndarray, eye: np.ndarray) -> float:
     x, y, z = (float(value) for value in -light)
     view = point_view(4 * eye, ORIGIN, up=(0.3, 0.2, 0.9))
     sun = DirectionalLight((x, y, z), grey(1))
-    return float(subject.image([FLOOR], [given], [sun], view, path_tracer(2), **PIXEL_CENTRE)[0, 0]) / -y
+    return subject.radiance([FLOOR], [surface], [sun], view, path_tracer(2)) / -y
 
 
-@SECTION.case("recip.glass", "Transmission is reciprocal: L / n^2 is the same in both directions (Stokes).", "Stokes 1849")
+@SECTION.case(
+    "recip.glass", "Transmission is reciprocal: L / n^2 is the same in both directions (Stokes).", EXACT, "Stokes 1849"
+)
 def stokes(subject: Subject) -> Iterator[Measurement]:
     """A light below seen from above, and one above seen from below, at angles that correspond by Snell's law."""
     for name in ("glass", "diamond", "pane"):
-        given = ABSORBING[name]
+        surface = ABSORBING[name]
         errors = []
         # not closer to 90: there n^2 tan magnifies the rounding of the inner ray in float32 beyond what is allowed
         for degrees in (0, 15, 40, 65, 85):
-            inner = math.degrees(math.asin(math.sin(math.radians(degrees)) / given.ior))
+            inner = math.degrees(math.asin(math.sin(math.radians(degrees)) / surface.ior))
             seen = []
             for angle, below in ((degrees, False), (inner, True)):
                 emitter = Plane((0.0, 1.0 if below else -1.0, 0.0), (0.0, -1.0 if below else 1.0, 0.0), 1)
                 view = toward(angle, below, distance=0.5)
-                seen.append(
-                    subject.image([FLOOR, emitter], [given, material(emission=1)], [], view, whitted(2), **PIXEL_CENTRE)[0, 0]
-                )
-            errors.append(seen[0] * given.ior**2 - seen[1] / given.ior**2)
+                seen.append(subject.radiance([FLOOR, emitter], [surface, material(emission=1)], [], view, whitted(2)))
+            errors.append(seen[0] * surface.ior**2 - seen[1] / surface.ior**2)
         yield measurement(errors, name)

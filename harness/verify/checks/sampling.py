@@ -18,11 +18,13 @@ from harness.verify.case import Array, Measurement, Section, measurement
 from harness.verify.replicates import means, z_score
 from harness.verify.scenes import FLOOR, ORIGIN, material, mesh, path_tracer, point_view, scene, sphere
 from harness.verify.subject import Subject
+from harness.verify.tolerances import Tolerance, Z
 
 SECTION = Section("sampling")
 SAMPLERS = ("random", "stratified", "halton", "sobol")
 SIDE = 16
 GROUPS = 16
+SLOPE = Tolerance("absolute", 0.15, 0.15)
 
 
 class Integrands(NamedTuple):
@@ -70,7 +72,7 @@ def _edges(subject: Subject) -> Integrands:
     )
 
 
-@SECTION.case("q.mean", "The mean of every sampler is the integral.", "raybench")
+@SECTION.case("q.mean", "The mean of every sampler is the integral.", Z)
 def average(subject: Subject) -> Iterator[Measurement]:
     emitter = sphere((1.0, math.sqrt(3.0), 0.0), 1.0, 1)
     truth = 0.9 / math.pi * forms.sphere(1.0, 2.0, math.pi / 6)
@@ -87,22 +89,22 @@ def _chosen(sampler: str, spp: int) -> Any:
     return {"name": sampler, "strata": spp} if sampler == "stratified" else sampler
 
 
-@SECTION.case("q.slope", "For a smooth integrand the error falls at the rate of the sampler.", "Owen 1997")
+@SECTION.case("q.slope", "For a smooth integrand the error falls at the rate of the sampler.", SLOPE, "Owen 1997")
 def smooth_slopes(subject: Subject) -> Iterator[Measurement]:
     yield from _slopes(subject, _smooth())
 
 
-@SECTION.case("q.edge", "For an edge the error falls at the rate of the sampler.", "Mitchell 1996")
+@SECTION.case("q.edge", "For an edge the error falls at the rate of the sampler.", SLOPE, "Mitchell 1996")
 def edge_slopes(subject: Subject) -> Iterator[Measurement]:
     yield from _slopes(subject, _edges(subject))
 
 
-def _slopes(subject: Subject, given: Integrands) -> Iterator[Measurement]:
+def _slopes(subject: Subject, integrands: Integrands) -> Iterator[Measurement]:
     """The distance of the 99 % interval of the slope from the expected slope; a steeper slope is an error for `random` only."""
-    for sampler in subject.accepted(list(given.slopes), given.scene, given.shader):
-        expected = given.slopes[sampler]
+    for sampler in subject.accepted(list(integrands.slopes), integrands.scene, integrands.shader):
+        expected = integrands.slopes[sampler]
         counts = [4**k for k in range(1, 5 if subject.quick or subject.tracing == "float32" else 6)]
-        squares = np.array([(seen - given.truth) ** 2 for seen in _images(subject, given, sampler, counts)])
+        squares = np.array([(seen - integrands.truth) ** 2 for seen in _images(subject, integrands, sampler, counts)])
         slope, error = slope_of(counts, squares.reshape(len(counts), -1))
         excess = abs(slope - expected) if sampler == "random" else max(slope - expected, 0.0)
         yield measurement(
@@ -110,12 +112,12 @@ def _slopes(subject: Subject, given: Integrands) -> Iterator[Measurement]:
         )
 
 
-def _images(subject: Subject, given: Integrands, sampler: str, counts: Sequence[int]) -> Iterator[Array]:
+def _images(subject: Subject, integrands: Integrands, sampler: str, counts: Sequence[int]) -> Iterator[Array]:
     """The red channel (SIDE, SIDE) for each number of samples; `stratified` needs a renderer for each."""
     renderer, done = None, 0
     for spp in counts:
         if renderer is None or sampler == "stratified":
-            renderer = subject.renderer(given.scene, shader=given.shader, sampler=_chosen(sampler, spp), seed=3)
+            renderer = subject.renderer(integrands.scene, shader=integrands.shader, sampler=_chosen(sampler, spp), seed=3)
             done = 0
         yield renderer.render(spp - done).mean()[:, :, 0]
         done = spp

@@ -13,6 +13,7 @@ from harness.verify.checks.models import looked_up
 from harness.verify.replicates import STRATEGIES, z_score
 from harness.verify.scenes import FLOOR, ORIGIN, Triple, as_tuple, material, path_tracer, point_view
 from harness.verify.subject import Subject
+from harness.verify.tolerances import Tolerance, Z
 
 SECTION = Section("sky")
 TEXELS = np.random.default_rng(23).random((6, 10))
@@ -27,7 +28,12 @@ def _sky(texels: Array, rotation: Array, rows: str = "cells") -> EnvironmentLigh
     return EnvironmentLight((1.0, 1.0, 1.0), np.repeat(texels[:, :, None], 3, axis=2), (a, b, c), rows)
 
 
-@SECTION.case("sky", "The sky is seen where its image, its rotation and its rows put it.", "docs/transport.md")
+@SECTION.case(
+    "sky",
+    "The sky is seen where its image, its rotation and its rows put it.",
+    Tolerance("absolute", 1e-9, 1e-4),
+    "docs/transport.md",
+)
 def seen(subject: Subject) -> Iterator[Measurement]:
     """Six views of 90 degrees show every direction."""
     views: tuple[tuple[Triple, Triple], ...] = (
@@ -54,7 +60,7 @@ def seen(subject: Subject) -> Iterator[Measurement]:
             yield measurement(np.concatenate(errors), f"{name}, {rows}")
 
 
-@SECTION.case("sky.floor", "A floor under a turned sky shows the integral of the image, by every strategy.", "raybench")
+@SECTION.case("sky.floor", "A floor under a turned sky shows the integral of the image, by every strategy.", Z)
 def floor(subject: Subject) -> Iterator[Measurement]:
     nodes, weights = np.polynomial.legendre.leggauss(300)
     y, u = (each.ravel() for each in np.meshgrid((nodes + 1) / 2, (np.arange(900) + 0.5) / 900, indexing="ij"))

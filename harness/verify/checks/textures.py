@@ -27,6 +27,7 @@ from harness.verify.case import Array, Measurement, Section, measurement
 from harness.verify.checks.models import RAMP, panel
 from harness.verify.scenes import WHITE_SKY, material, path_tracer
 from harness.verify.subject import Skipped, Subject
+from harness.verify.tolerances import Tolerance
 
 SECTION = Section("textures")
 SIDE = 37
@@ -78,7 +79,10 @@ def looked_up(texture: ImageTexture, u: float, v: float) -> float:
 
 
 @SECTION.case(
-    "tex", "An image shows its texels by filter, wrap and transform; a checkerboard its squares.", "docs/transport.md"
+    "tex",
+    "An image shows its texels by filter, wrap and transform; a checkerboard its squares.",
+    Tolerance("absolute", 1e-9, 1e-4, "texels differ by up to 1, and a place is rounded to 1e-6 of a texel"),
+    "docs/transport.md",
 )
 def textured(subject: Subject) -> Iterator[Measurement]:
     """A panel with (u, v) from 0 to 1; v = 0 is its lower edge in the picture, and the upper row of the texture."""
@@ -137,10 +141,6 @@ def _on_triangle(x: Array, z: Array) -> tuple[Array, Array]:
     return ((x - ax) * (cz - az) - (cx - ax) * (z - az)) / det, ((bx - ax) * (z - az) - (x - ax) * (bz - az)) / det
 
 
-def _triangle(x: Array, z: Array) -> tuple[Array, Array]:
-    return _on_triangle(x, z)
-
-
 def _mesh(x: Array, z: Array) -> tuple[Array, Array]:
     b1, b2 = _on_triangle(x, z)
     return tuple((1 - b1 - b2) * a + b1 * b + b2 * c for a, b, c in zip(*VERTEX_UVS, strict=True))  # type: ignore[return-value]
@@ -178,8 +178,8 @@ def _sheet(uvs: Any) -> Mesh:
 
 _A, _B, _C = ((float(x), float(y), float(z)) for x, y, z in CORNERS)
 SHAPES: dict[str, tuple[Shape, float, Callable[[Array, Array], tuple[Array, Array]]]] = {
-    "triangle": (Triangle(_A, _B, _C, 0), 0.25, _triangle),
-    "mesh": (_sheet(None), 0.25, _triangle),
+    "triangle": (Triangle(_A, _B, _C, 0), 0.25, _on_triangle),
+    "mesh": (_sheet(None), 0.25, _on_triangle),
     "mesh with uvs": (_sheet(VERTEX_UVS), 0.25, _mesh),
     "sphere": (Sphere((0.0, 0.0, 0.0), 1.0, 0), 0.45, _sphere),
     "disk": (Disk((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 1.0, 0), 0.65, _disk),
@@ -189,7 +189,12 @@ SHAPES: dict[str, tuple[Shape, float, Callable[[Array, Array], tuple[Array, Arra
 """The shape at the origin, half the side of what is seen of it, and (u, v) below (x, z)."""
 
 
-@SECTION.case("uv", "Every shape has the texture coordinates of docs/transport.md.", "docs/transport.md")
+@SECTION.case(
+    "uv",
+    "Every shape has the texture coordinates of docs/transport.md.",
+    Tolerance("absolute", 1e-9, 1e-5),
+    "docs/transport.md",
+)
 def coordinates(subject: Subject) -> Iterator[Measurement]:
     """Textures that rise linearly with u, and with v, from 0 to 1."""
     rise = {"u": np.array([[0.0, 1.0], [0.0, 1.0]], np.float32), "v": np.array([[0.0, 0.0], [1.0, 1.0]], np.float32)}

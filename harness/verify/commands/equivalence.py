@@ -77,7 +77,7 @@ def compare(options: EquivalenceOptions) -> int:
         (options.engines[a], options.engines[b], equivalence(images[a], images[b], options.margins, alpha)) for a, b in pairs
     ]
     _show(scene, options, rows)
-    return int(any(found.verdict == "different" for _, _, found in rows))
+    return int(any(result.verdict == "different" for _, _, result in rows))
 
 
 def settings_of(options: EquivalenceOptions) -> dict[str, Any]:
@@ -99,16 +99,16 @@ def _images(pool: Pool, engine: str, request: Mapping[str, Any], first: int, rep
 
     Raises `RendererFailed` for bad samples, and where the process died.
     """
-    found, bad = [], 0
+    means, bad = [], 0
     try:
         for film, _ in pool.replicates(engine, request, range(first, first + replicates)):
-            found.append(np.array(film.mean(), np.float64))
+            means.append(np.array(film.mean(), np.float64))
             bad += film.bad_samples
     except WorkerFailed as error:
         raise RendererFailed(f"{engine}: {error}") from error
     if bad:
         raise RendererFailed(f"{engine}: {bad} samples of its images are NaN or infinite: finite radiance is expected")
-    images = np.stack(found)
+    images = np.stack(means)
     if not np.isfinite(images).all():
         raise RendererFailed(f"{engine}: its images are not finite")
     return images
@@ -118,21 +118,21 @@ def _show(scene: Scene, options: EquivalenceOptions, rows: Sequence[tuple[str, s
     stdout, (width, height) = consoles()[0], options.size
     names = ("A", "B", "(B - A) / A", "95 % interval", "means at most", "tiles at most", "verdict")
     table = Table(*names, box=None, header_style="dim", pad_edge=False)
-    for first, second, found in rows:
-        shares = [f"{100 * share:+.3f} %" for share in (found.difference, found.low, found.high)]
+    for first, second, result in rows:
+        shares = [f"{100 * share:+.3f} %" for share in (result.difference, result.low, result.high)]
         table.add_row(
             first,
             second,
             shares[0],
             f"{shares[1]} to {shares[2]}",
-            bound(found.image_bound),
-            bound(found.tile_bound),
-            f"[{COLOURS[found.verdict]}]{found.verdict}[/]",
+            bound(result.image_bound),
+            bound(result.tile_bound),
+            f"[{COLOURS[result.verdict]}]{result.verdict}[/]",
         )
     stdout.print(table)
-    for first, second, found in rows:
-        stdout.print(f"{first} and {second} {describe(found)}.", markup=False, soft_wrap=True)
-    if any(found.verdict == "unresolved" for _, _, found in rows):
+    for first, second, result in rows:
+        stdout.print(f"{first} and {second} {describe(result)}.", markup=False, soft_wrap=True)
+    if any(result.verdict == "unresolved" for _, _, result in rows):
         stdout.print("Four times as many --spp or --replicates halve a bound.", markup=False)
     image, tile = options.margins
     seeds = "in pairs of one seed" if options.same_seeds else "each with its own seed"

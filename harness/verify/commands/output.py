@@ -19,7 +19,7 @@ from harness.report.tables import Column, Table
 from harness.report.tables.model import csv_text, latex_text, number_text
 from harness.store.atomic import write_text
 from harness.verify.results_file import document
-from harness.verify.tolerances import TOLERANCES
+from harness.verify.suite import CASES
 
 if TYPE_CHECKING:
     from harness.report.plots import Picture
@@ -32,8 +32,8 @@ COLUMNS = [
     Column("accelerator", "Accelerator."),
     Column("parameter", "What was varied."),
     Column("error", "The error measured: the largest of `count`, for `wrong` the sum.", "number"),
-    Column("unit", "Unit of error and tolerance: relative, absolute, eps, eps/cos, wrong, z or p."),
-    Column("tolerance", "The largest error that passes (for p the smallest); empty where the precision has none.", "number"),
+    Column("unit", "Unit of error and tolerance: relative, absolute, eps, eps/cos, wrong or z."),
+    Column("tolerance", "The largest error that passes; empty where the precision has none.", "number"),
     Column("median_error", "The median error, in the same unit.", "number"),
     Column("outcome", "pass, fail, xfail (no tolerance in this precision) or skip (refused by why_not)."),
     Column("median_ulp", "Median error in ulp of the tracing precision.", "number", "median ulp"),
@@ -45,27 +45,14 @@ COLUMNS = [
     Column("source", "Where the case comes from."),
     Column("note", "Further observations, or the reason of a skip or failure."),
 ]
-SHORT = (
-    "case",
-    "engine",
-    "tracing",
-    "accelerator",
-    "parameter",
-    "error",
-    "unit",
-    "tolerance",
-    "outcome",
-    "median_ulp",
-    "p999_ulp",
-    "worst_ulp",
-)
+NOT_IN_LATEX = ("precision", "median_error", "count", "seconds", "description", "source", "note")
 WIDEST, NARROW = 120, 100
 COLOURS = {PASS: "green", XFAIL: "yellow", FAIL: "bold red", SKIP: "dim"}
 
 
-def table(results: Sequence[CheckResult], names: Sequence[str] = ()) -> Table:
-    """All results as a table of the harness; `names` chooses columns."""
-    chosen = [column for column in COLUMNS if not names or column.name in names]
+def table(results: Sequence[CheckResult], without: Sequence[str] = ()) -> Table:
+    """All results as a table of the harness, `without` columns of these names."""
+    chosen = [column for column in COLUMNS if column.name not in without]
     rows = [dict(result) for result in results]
     note = "Errors compared with the tolerances of the precision in which each engine traces."
     return Table("verify", "Accuracy of the engines", note, chosen, rows)
@@ -84,7 +71,7 @@ def write(results: Sequence[CheckResult], folder: Path, quick: bool) -> None:
     texts = {
         "json": json.dumps(document(results, quick), indent=1, allow_nan=False) + "\n",
         "csv": csv_text(table(results)),
-        "tex": latex_text(table(results, SHORT)),
+        "tex": latex_text(table(results, NOT_IN_LATEX)),
         "html": page(results, quick, pictures),
     }
     for suffix, text in texts.items():
@@ -178,7 +165,7 @@ def page(results: Sequence[CheckResult], quick: bool, plots: Sequence[Picture] =
         matrix=matrix,
         counts=counts(results),
         quick=quick,
-        tolerances=TOLERANCES,
+        whys={case.id: case.tolerance.why for case in CASES},
         outcomes=OUTCOMES,
         number=number_text,
         tolerance_text=tolerance_text,

@@ -1,6 +1,6 @@
 // The page with Dahlquist's program: its animation, its switches, and spheres that are dragged.
 
-import { WorkerSocket, byId, count, duration, invalidEntry, throttled, showError, themeButton } from "./socket.js";
+import { ARROWS, WorkerSocket, byId, count, duration, element, invalidEntry, pointerPosition, showError, showState, throttled } from "./socket.js";
 
 const SWITCHES = ["reflections", "environment", "interlaced", "redraw"];
 const KEYBOARD = 20; // the finger number of the keyboard
@@ -16,7 +16,6 @@ const socket = new WorkerSocket("dahlquist", {
   touched: (header) => page.touchedSpheres.push(header.sphere),
   error: (header) => showError(header.text),
   worker_lost: (header) => showError(header.text),
-  closed: () => state({ state: "stopped", activity: "no connection" }),
 });
 
 function menu(header) {
@@ -26,10 +25,7 @@ function menu(header) {
   Object.assign(byId("threads"), { max: header.cores, value: header.cores });
   for (const [name, seconds, rays] of header.original) {
     const row = byId("figures").insertRow();
-    const heading = document.createElement("th");
-    heading.scope = "row";
-    heading.textContent = `the original, ${name}`;
-    row.append(heading);
+    row.append(element("th", { scope: "row" }, `the original, ${name}`));
     for (const text of [duration(seconds), count(rays), (1 / seconds).toFixed(1)]) row.insertCell().textContent = text;
   }
   if (matchMedia("(prefers-reduced-motion: reduce)").matches) byId("activity").textContent = "Start animates it";
@@ -53,11 +49,7 @@ function resize(width, height) {
 function state(header) {
   page.state = header.state;
   page.status = header;
-  if (byId("state").textContent !== header.state) byId("state").textContent = header.state;
-  byId("activity").textContent = header.activity;
-  const running = ["busy", "waiting"].includes(header.state);
-  byId("stop").disabled = !running;
-  byId("start").disabled = running;
+  showState(header);
   if (!header.frame_seconds) return;
   const background = header.redraw ? "redrawn" : "kept";
   const halves = header.calls_per_frame === 2 ? ", two interlaced calls" : "";
@@ -83,11 +75,6 @@ function switches() {
   socket.send({ type: "switches", ...chosen, speed });
 }
 
-function position(event) {
-  const box = canvas.getBoundingClientRect();
-  return { x: ((event.clientX - box.left) / box.width) * canvas.width, y: ((event.clientY - box.top) / box.height) * canvas.height };
-}
-
 const fingers = new Map(); // pointer id -> finger number
 const sendMoves = new Map();
 
@@ -96,9 +83,9 @@ canvas.addEventListener("pointerdown", (event) => {
   const finger = [...Array(10).keys()].find((free) => ![...fingers.values()].includes(free)) ?? 9;
   fingers.set(event.pointerId, finger);
   sendMoves.set(event.pointerId, throttled((point) => { if (fingers.has(event.pointerId)) socket.send({ type: "move", finger, ...point }); }));
-  socket.send({ type: "touch", finger, ...position(event) });
+  socket.send({ type: "touch", finger, ...pointerPosition(canvas, event) });
 });
-canvas.addEventListener("pointermove", (event) => sendMoves.get(event.pointerId)?.(position(event)));
+canvas.addEventListener("pointermove", (event) => sendMoves.get(event.pointerId)?.(pointerPosition(canvas, event)));
 for (const end of ["pointerup", "pointercancel"]) {
   canvas.addEventListener(end, (event) => {
     if (fingers.has(event.pointerId)) socket.send({ type: "release", finger: fingers.get(event.pointerId) });
@@ -109,10 +96,9 @@ for (const end of ["pointerup", "pointercancel"]) {
 
 // Keys 1 to 5 hold a sphere, and arrow keys move it like a finger.
 canvas.addEventListener("keydown", (event) => {
-  const arrows = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
   if (/^[1-5]$/.test(event.key)) socket.send({ type: "hold", finger: KEYBOARD, sphere: Number(event.key) - 1 });
-  else if (arrows[event.key] && held) {
-    held = { x: held.x + STEP * arrows[event.key][0], y: held.y + STEP * arrows[event.key][1] };
+  else if (ARROWS[event.key] && held) {
+    held = { x: held.x + STEP * ARROWS[event.key][0], y: held.y + STEP * ARROWS[event.key][1] };
     socket.send({ type: "move", finger: KEYBOARD, ...held });
   } else if (event.key === "Escape") { held = null; socket.send({ type: "release", finger: KEYBOARD }); }
   else return;
@@ -120,10 +106,7 @@ canvas.addEventListener("keydown", (event) => {
 });
 socket.handlers.held = (header) => { held = { x: header.x, y: header.y }; page.held = header; };
 
-themeButton();
 byId("start").addEventListener("click", () => (page.status?.size ? socket.send({ type: "resume" }) : begin()));
-byId("stop").addEventListener("click", () => socket.send({ type: "stop" }));
 for (const name of [...SWITCHES, "speed"]) byId(name).addEventListener("input", switches);
 for (const name of ["width", "height", "engine", "threads"]) byId(name).addEventListener("change", begin);
 byId("form").addEventListener("submit", (event) => event.preventDefault());
-addEventListener("pagehide", () => { socket.close(); });

@@ -1,6 +1,6 @@
 // Mouse, touch and keyboard input on the image: orbit, pan and zoom of the camera, dragging of objects, the pixel probe.
 
-import { throttled } from "./socket.js";
+import { ARROWS, element, pointerPosition, throttled } from "./socket.js";
 
 const ORBIT_SPEED = 0.006; // radians per pixel of the screen
 const ORBIT_STEP = 0.09; // radians per key press
@@ -35,8 +35,7 @@ export class ImageInput {
 
   // The position of a pointer in pixels of the image.
   position(event) {
-    const box = this.canvas.getBoundingClientRect();
-    return { x: ((event.clientX - box.left) / box.width) * this.canvas.width, y: ((event.clientY - box.top) / box.height) * this.canvas.height };
+    return pointerPosition(this.canvas, event);
   }
 
   // Handles of point and spot lights. They are buttons, so that they take the keyboard focus.
@@ -53,11 +52,9 @@ export class ImageInput {
   }
 
   addHandle(id) {
-    const handle = document.createElement("button");
-    handle.type = "button";
-    handle.className = "handle";
+    const name = this.draggables.find((object) => object.id === id)?.name ?? id;
+    const handle = element("button", { type: "button", className: "handle", ariaLabel: `${name}: arrow keys move it` });
     handle.dataset.id = id;
-    handle.setAttribute("aria-label", `${this.draggables.find((object) => object.id === id)?.name ?? id}: arrow keys move it`);
     handle.addEventListener("focus", () => this.choose(id));
     handle.addEventListener("keydown", (event) => this.key(event));
     handle.addEventListener("pointerdown", (event) => {
@@ -202,8 +199,7 @@ export class ImageInput {
 
   key(event) {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
-    const arrows = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
-    if (arrows[event.key]) this.arrow(...arrows[event.key], event.shiftKey);
+    if (ARROWS[event.key]) this.arrow(...ARROWS[event.key], event.shiftKey);
     else if (event.key === "+" || event.key === "=") this.zoom(0.9);
     else if (event.key === "-") this.zoom(1 / 0.9);
     else if (event.key === "o") this.choose(this.chooser.options[(this.chooser.selectedIndex + 1) % this.chooser.options.length].value);
@@ -251,8 +247,7 @@ export class ImageInput {
   showCursor() {
     this.overlay.querySelector(".cross")?.remove();
     if (!this.cursor) return;
-    const cross = document.createElement("div");
-    cross.className = "cross";
+    const cross = element("div", { className: "cross" });
     cross.style.left = `${(100 * (this.cursor.x + 0.5)) / this.canvas.width}%`;
     cross.style.top = `${(100 * (this.cursor.y + 0.5)) / this.canvas.height}%`;
     this.overlay.append(cross);

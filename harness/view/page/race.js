@@ -1,6 +1,6 @@
 // The page with a race: contestants, their images and error maps, and a plot of error over time.
 
-import { WorkerSocket, byId, count, duration, invalidEntry, showError, themeButton } from "./socket.js";
+import { WorkerSocket, byId, count, duration, element, invalidEntry, listItem, showError, showState } from "./socket.js";
 import { SettingsForm } from "./settings_form.js";
 import { drawPlot, markName } from "./plot.js";
 
@@ -19,9 +19,7 @@ const socket = new WorkerSocket("race", {
   menu, contestants, reference, contestant, state, saved,
   error: (header) => fail(header.text),
   worker_lost: (header) => fail(header.text),
-  warning: (header) => { const item = document.createElement("li"); item.textContent = header.text; byId("warnings").append(item); },
   progress,
-  closed: () => state({ state: "stopped", activity: "no connection" }),
 });
 
 // ---- messages of the worker
@@ -50,32 +48,20 @@ function contestants(header) {
 }
 
 function contestantBox(name, index) {
-  const box = document.createElement("article");
-  box.className = "contestant";
+  const [image, error] = [canvas(`Image of ${name}`), canvas(`Error map of ${name}`)];
+  const list = element("ul");
+  const box = element(
+    "article", { className: "contestant" },
+    element("h3", {}, `${index + 1} ${name} (${markName(index)})`),
+    element("div", { className: "images" }, captioned(image, "image"), captioned(error, "error")),
+    list,
+  );
   box.style.setProperty("--colour", `var(--contestant-${index + 1})`);
-  const heading = document.createElement("h3");
-  heading.textContent = `${index + 1} ${name} (${markName(index)})`;
-  const images = document.createElement("div");
-  images.className = "images";
-  const [image, imageBox] = picture("image", name);
-  const [error, errorBox] = picture("error", name);
-  images.append(imageBox, errorBox);
-  const list = document.createElement("ul");
-  box.append(heading, images, list);
   return { box, name, image, error, list, points: [], crossings: [] };
 }
 
-function picture(what, name) {
-  const figure = document.createElement("figure");
-  const canvas = document.createElement("canvas");
-  Object.assign(canvas, page.size);
-  canvas.setAttribute("role", "img");
-  canvas.setAttribute("aria-label", what === "image" ? `Image of ${name}` : `Error map of ${name}`);
-  const caption = document.createElement("figcaption");
-  caption.textContent = what;
-  figure.append(canvas, caption);
-  return [canvas, figure];
-}
+const canvas = (ariaLabel) => element("canvas", { ...page.size, role: "img", ariaLabel });
+const captioned = (picture, caption) => element("figure", {}, picture, element("figcaption", {}, caption));
 
 function radianceOf(bytes) {
   const halves = new Uint16Array(bytes);
@@ -94,22 +80,10 @@ function contestant(header, bytes) {
   const contestant = page.contestants[header.contestant];
   Object.assign(contestant, header, { frames: (contestant.frames ?? 0) + 1 });
   const radiance = radianceOf(bytes);
-  paint(contestant.image, "radiance", radiance, null);
-  paint(contestant.error, "error", radiance, page.references[header.contestant]);
+  const paint = (canvas, view, other) => paintView(canvas, view, radiance, other, 1, page.epsilon, page.maps);
+  paint(contestant.image, "radiance", null);
+  paint(contestant.error, "error", page.references[header.contestant]);
   page.show();
-}
-
-function paint(canvas, view, radiance, other) {
-  const context = canvas.getContext("2d");
-  const image = context.createImageData(canvas.width, canvas.height);
-  for (let i = 0, o = 0; i < radiance.length; i += 3, o += 4) {
-    const [red, green, blue] = viewPixel(view, radiance, other, i, 1, page.epsilon, page.maps);
-    image.data[o] = red;
-    image.data[o + 1] = green;
-    image.data[o + 2] = blue;
-    image.data[o + 3] = 255;
-  }
-  context.putImageData(image, 0, 0);
 }
 
 const isReached = (crossing) => crossing.state === "reached" || crossing.state === "at_first";
@@ -127,26 +101,22 @@ function resultItems(contestant) {
     last ? `error ${last[1] === null ? "unknown" : last[1].toPrecision(3)} at ${last[2]} samples` : "no checkpoint yet",
     `build ${duration(contestant.phases.build)}, compile ${duration(contestant.phases.compile)}, ${count(contestant.rays)} rays`,
   ];
-  const items = texts.map((text) => { const item = document.createElement("li"); item.textContent = text; return item; });
-  for (const crossing of contestant.crossings) {
-    const item = document.createElement("li");
-    const reached = isReached(crossing);
-    const undecided = reached && isUndecided(crossing.target);
-    item.className = undecided ? "undecided" : reached ? "reached" : "";
-    const time = `${crossing.state === "at_first" ? "at most " : ""}${duration(crossing.seconds)}`;
-    if (undecided) item.textContent = `? target ${crossing.target}: undecided, the reference is too noisy: give it more samples`;
-    else if (reached) item.textContent = `✓ target ${crossing.target} in ${time}`;
-    else item.textContent = `target ${crossing.target}: ${contestant.done ? "not reached" : "not reached yet"}`;
-    items.push(item);
-  }
-  return items;
+  return [...texts.map(listItem), ...contestant.crossings.map((crossing) => crossingItem(crossing, contestant.done))];
+}
+
+function crossingItem(crossing, done) {
+  const target = `target ${crossing.target}`;
+  if (!isReached(crossing)) return listItem(`${target}: ${done ? "not reached" : "not reached yet"}`);
+  const undecided = isUndecided(crossing.target);
+  const time = `${crossing.state === "at_first" ? "at most " : ""}${duration(crossing.seconds)}`;
+  const item = listItem(undecided ? `? ${target}: undecided, the reference is too noisy: give it more samples` : `✓ ${target} in ${time}`);
+  item.className = undecided ? "undecided" : "reached";
+  return item;
 }
 
 function writeScale() {
   const [map, label] = scaleWords("error", 1);
-  const bar = document.createElement("i");
-  bar.style.background = `linear-gradient(to right, ${page.maps[map].map((c) => `rgb(${c})`).join(",")})`;
-  byId("scale").replaceChildren(bar, `Error maps: ${label.replace("ε", `${page.epsilon}`)}`);
+  byId("scale").replaceChildren(colourBar(page.maps[map]), `Error maps: ${label.replace("ε", `${page.epsilon}`)}`);
 }
 
 function progress(header) {
@@ -158,11 +128,7 @@ function progress(header) {
 
 function state(header) {
   page.state = header.state;
-  if (byId("state").textContent !== header.state) byId("state").textContent = header.state;
-  byId("activity").textContent = header.activity;
-  const resting = !["busy", "waiting"].includes(header.state);
-  byId("stop").disabled = resting;
-  byId("start").disabled = !resting;
+  const resting = showState(header);
   byId("save").disabled = !resting || !page.contestants.some((contestant) => contestant.points.length);
   if (resting) byId("progress").hidden = true;
   page.contestants.forEach((contestant, index) => contestant.box.classList.toggle("running", index === header.racing));
@@ -170,11 +136,7 @@ function state(header) {
 
 function saved(header) {
   page.saved = header;
-  const link = document.createElement("a");
-  link.href = `reports/${header.name}/report.html`;
-  link.target = "_blank";
-  link.rel = "noopener";
-  link.textContent = "open its report";
+  const link = element("a", { href: `reports/${header.name}/report.html`, target: "_blank", rel: "noopener" }, "open its report");
   byId("saved").replaceChildren(`Saved in ${header.folder}: `, link, `, or raybench report ${header.folder}.`);
 }
 
@@ -182,7 +144,7 @@ function saved(header) {
 
 function addContestant() {
   if (page.settingsForms.length >= MAX_CONTESTANTS) return;
-  const place = document.createElement("div");
+  const place = element("div");
   byId("settings-forms").append(place);
   const [engine, given] = DEFAULTS[page.settingsForms.length];
   const known = page.menu.engines.some((one) => one.name === engine && !one.problem);
@@ -237,12 +199,9 @@ function save() {
   socket.send({ type: "save", name: byId("name").value });
 }
 
-themeButton();
 new ResizeObserver(() => { if (page.contestants.length) page.show(); }).observe(byId("contestants"));
 byId("add").addEventListener("click", addContestant);
 byId("remove").addEventListener("click", removeContestant);
 byId("start").addEventListener("click", start);
-byId("stop").addEventListener("click", () => socket.send({ type: "stop" }));
 byId("save").addEventListener("click", save);
 byId("form").addEventListener("submit", (event) => event.preventDefault());
-addEventListener("pagehide", () => { socket.close(); });

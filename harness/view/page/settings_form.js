@@ -1,5 +1,7 @@
 // Controls for an engine and its settings, made from the worker's menu.
 
+import { element } from "./socket.js";
+
 const KINDS = ["shader", "sampler", "accelerator"];
 const CHOICES = {
   shader: "what is computed along a camera ray (an integrator)",
@@ -8,19 +10,12 @@ const CHOICES = {
 };
 
 function labelled(text, control, title) {
-  const label = document.createElement("label");
-  label.append(`${text} `, control);
-  if (title) {
-    label.title = title;
-    control.setAttribute("aria-description", title);
-  }
-  return label;
+  if (title) control.setAttribute("aria-description", title);
+  return element("label", title ? { title } : {}, `${text} `, control);
 }
 
 function select(names, chosen) {
-  const made = document.createElement("select");
-  for (const name of names) made.append(new Option(name, name, false, name === chosen));
-  return made;
+  return element("select", {}, ...names.map((name) => new Option(name, name, false, name === chosen)));
 }
 
 // An input for one option of a choice; `read` returns its value.
@@ -30,13 +25,13 @@ function optionControl(option, value) {
     made.read = () => option.values.find((known) => String(known) === made.value);
     return made;
   }
-  const made = document.createElement("input");
   if (option.kind === "json") {
-    made.value = JSON.stringify(value);
+    const made = element("input", { value: JSON.stringify(value) });
     made.read = () => JSON.parse(made.value);
     return made;
   }
-  Object.assign(made, { type: "number", min: option.low, max: option.high, value, step: option.kind === "integer" ? 1 : "any" });
+  const range = { min: option.low, max: option.high, step: option.kind === "integer" ? 1 : "any" };
+  const made = element("input", { type: "number", ...range, value });
   made.read = () => (made.value === "" ? option.default : Number(made.value));
   return made;
 }
@@ -76,9 +71,6 @@ export class SettingsForm {
   }
 
   build(engineName, given = {}) {
-    const fieldset = document.createElement("fieldset");
-    const legend = document.createElement("legend");
-    legend.textContent = this.legend;
     this.engine = select(this.menu.engines.map((engine) => engine.name), engineName);
     this.engine.name = "engine";
     for (const option of this.engine.options) {
@@ -86,22 +78,19 @@ export class SettingsForm {
       if (engine.problem) { option.disabled = true; option.title = engine.problem; option.textContent += " (not available)"; }
     }
     this.engine.addEventListener("change", () => this.offer());
-    this.choices = document.createElement("div");
-    this.threads = document.createElement("input");
-    Object.assign(this.threads, { name: "threads", type: "number", min: 1, max: this.menu.cores, value: given.threads ?? this.menu.cores });
+    this.choices = element("div");
+    const cores = this.menu.cores;
+    this.threads = element("input", { name: "threads", type: "number", min: 1, max: cores, value: given.threads ?? cores });
     this.precision = select(["engine's own", "float32", "float64"], given.precision);
     this.precision.name = "precision";
-    const pair = document.createElement("div");
-    pair.className = "pair";
-    pair.append(
-      labelled("Threads", this.threads, `threads that render: an integer in [1, ${this.menu.cores}]`),
+    const pair = element(
+      "div", { className: "pair" },
+      labelled("Threads", this.threads, `threads that render: an integer in [1, ${cores}]`),
       labelled("Precision", this.precision, "precision of the computation; an engine may have one only"),
     );
-    this.notice = document.createElement("p");
-    this.notice.className = "notice";
-    this.notice.setAttribute("role", "status");
-    fieldset.append(legend, labelled("Engine", this.engine), this.notice, this.choices, pair);
-    this.place.replaceChildren(fieldset);
+    this.notice = element("p", { className: "notice", role: "status" });
+    const legend = element("legend", {}, this.legend);
+    this.place.replaceChildren(element("fieldset", {}, legend, labelled("Engine", this.engine), this.notice, this.choices, pair));
     this.offer();
   }
 
@@ -125,8 +114,7 @@ export class SettingsForm {
       const control = select(names, chosen);
       for (const option of control.options) Object.assign(option, { disabled: option.value in refused, title: refused[option.value] ?? "" });
       control.name = kind;
-      const options = document.createElement("div");
-      options.className = "options";
+      const options = element("div", { className: "options" });
       control.addEventListener("change", () => {
         this.wanted[kind] = control.value;
         this.notice.textContent = "";

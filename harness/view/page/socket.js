@@ -3,14 +3,16 @@
 const decoder = new TextDecoder();
 
 export class WorkerSocket {
-  // `handlers` has a function (header, bytes) => void for each `type` of a message, and `closed`.
+  // `handlers` has a function (header, bytes) => void for each `type` of a message, `state` among them.
   constructor(page, handlers) {
-    this.handlers = handlers;
+    this.handlers = { warning: (header) => byId("warnings").append(listItem(header.text)), ...handlers };
     const base = new URL(".", location.href);
     this.connection = new WebSocket(new URL(`socket/${page}`, base.href.replace(/^http/, "ws")));
     this.connection.binaryType = "arraybuffer";
     this.connection.addEventListener("message", (event) => this.receive(event.data));
     this.connection.addEventListener("close", () => this.closed());
+    byId("stop").addEventListener("click", () => this.send({ type: "stop" }));
+    addEventListener("pagehide", () => this.close());
   }
 
   receive(data) {
@@ -32,6 +34,7 @@ export class WorkerSocket {
   closed() {
     if (!this.closing) showError("The connection to the server is closed. Reload the page; if the server has ended, start raybench view again and open the address that it prints.");
     this.handlers.closed?.();
+    this.handlers.state({ state: "stopped", activity: "no connection" });
   }
 }
 
@@ -41,6 +44,16 @@ export function showError(text) {
   const box = byId("error");
   box.hidden = !text;
   box.textContent = text ?? "";
+}
+
+// Shows what the worker does. Returns whether it rests: then a start is possible, and no stop.
+export function showState(header) {
+  if (byId("state").textContent !== header.state) byId("state").textContent = header.state; // screen readers say what is written
+  byId("activity").textContent = header.activity;
+  const resting = !["busy", "waiting"].includes(header.state);
+  byId("stop").disabled = resting;
+  byId("start").disabled = !resting;
+  return resting;
 }
 
 // What is wrong with the first control whose value cannot be used; null where all can be.
@@ -75,17 +88,25 @@ export function duration(seconds) {
 
 // Offers bytes as a download.
 export function download(name, bytes, type) {
-  const link = document.createElement("a");
-  link.href = URL.createObjectURL(new Blob([bytes], { type }));
-  link.download = name;
+  const link = element("a", { href: URL.createObjectURL(new Blob([bytes], { type })), download: name });
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 10000);
 }
 
-export function themeButton() {
-  const root = document.documentElement;
-  byId("theme").addEventListener("click", () => {
-    const dark = root.dataset.theme ? root.dataset.theme === "dark" : matchMedia("(prefers-color-scheme: dark)").matches;
-    root.dataset.theme = dark ? "light" : "dark";
-  });
+// A new element with these properties and children.
+export function element(tag, properties, ...children) {
+  const made = Object.assign(document.createElement(tag), properties);
+  made.append(...children);
+  return made;
+}
+
+export const listItem = (text) => element("li", {}, text);
+
+// The step of an arrow key.
+export const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+
+// The position of a pointer in pixels of a canvas.
+export function pointerPosition(canvas, event) {
+  const box = canvas.getBoundingClientRect();
+  return { x: ((event.clientX - box.left) / box.width) * canvas.width, y: ((event.clientY - box.top) / box.height) * canvas.height };
 }

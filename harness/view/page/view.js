@@ -1,6 +1,6 @@
 // The page with one image: controls, the image while it is refined, and the state.
 
-import { WorkerSocket, byId, count, download, duration, invalidEntry, showError, themeButton } from "./socket.js";
+import { WorkerSocket, byId, count, download, duration, element, invalidEntry, showError, showState } from "./socket.js";
 import { drawHistogram, drawNote } from "./histogram.js";
 import { Orbit } from "./orbit.js";
 import { SettingsForm } from "./settings_form.js";
@@ -19,10 +19,9 @@ const socket = new WorkerSocket("view", {
   menu, opened, scene, frame, state, probe, reference, picked: (header) => page.input.picked(header),
   error: (header) => { settled(); showError(header.text); },
   worker_lost: (header) => { page.opened = null; settled(); showError(header.text); },
-  warning: (header) => { const item = document.createElement("li"); item.textContent = header.text; byId("warnings").append(item); },
   file: (header, bytes) => { page.saved = { name: header.name, size: bytes.byteLength, bytes }; download(header.name, bytes, "application/octet-stream"); },
   yaml: copyText,
-  closed: () => { settled(); state({ state: "stopped", activity: "no connection" }); },
+  closed: settled,
 });
 
 // ---- messages of the worker
@@ -121,12 +120,8 @@ function frame(header, bytes) {
 function state(header) {
   page.state = header.state;
   page.status = header;
-  if (byId("state").textContent !== header.state) byId("state").textContent = header.state;
-  byId("activity").textContent = header.activity;
+  showState(header);
   preparation.state(header, page.menu?.first_compile[page.settingsForm?.engine.value]);
-  const resting = !["busy", "waiting"].includes(header.state);
-  byId("stop").disabled = resting;
-  byId("start").disabled = !resting;
   byId("restart").disabled = page.opened === null;
   byId("start").textContent = header.state === "stopped" && page.opened ? "Continue" : "Start";
   if (header.memory_bytes === undefined) return;
@@ -178,7 +173,7 @@ function reference(header) {
 }
 
 function writeScale(header) {
-  byId("scale").replaceChildren(document.createElement("i"),
+  byId("scale").replaceChildren(element("i"),
     `relative squared error, 1e-5 to 1, logarithmic; mean (relMSE, ε = ${header.epsilon}) ${header.error.toPrecision(3)}, ` +
     `the noise of the reference included`);
 }
@@ -285,10 +280,8 @@ function shortcut(event) {
 }
 
 page.input = new ImageInput(canvas, byId("handles"), byId("moves"), socket, toggle, remember);
-themeButton();
 document.addEventListener("keydown", shortcut);
 byId("start").addEventListener("click", start);
-byId("stop").addEventListener("click", () => socket.send({ type: "stop" }));
 byId("restart").addEventListener("click", () => open(true));
 byId("reset").addEventListener("click", () => open(false));
 for (const kind of ["png", "exr"]) byId(`save-${kind}`).addEventListener("click", () => socket.send({ type: "save", kind }));
@@ -308,4 +301,3 @@ byId("form").addEventListener("change", (event) => {
 });
 byId("form").addEventListener("submit", (event) => { event.preventDefault(); open(true); });
 addEventListener("hashchange", () => location.reload());
-addEventListener("pagehide", () => { socket.close(); });

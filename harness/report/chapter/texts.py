@@ -5,9 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from harness.metrics import TRIMMED_FRACTION
 from harness.report.plots.curves import error_label
 from harness.report.tables.model import number_text
 from harness.statistics import Estimate, Ratio
+
+WORST = f"{100 * TRIMMED_FRACTION:g} %"
+"""Of the pixels, those with the largest error."""
 
 
 def interval(estimate: Estimate | Ratio) -> str:
