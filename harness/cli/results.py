@@ -17,7 +17,6 @@ from harness.cli.outputs import check_file
 from harness.console import consoles
 from harness.processes import allow_here
 from harness.store import atomic
-from harness.trace import records
 
 if TYPE_CHECKING:
     from harness.report.plugins import Plugin
@@ -53,18 +52,10 @@ def report(folders: Sequence[Path], own: Sequence[tuple[str, str]] = (), allow_i
     if not folders:
         raise ConfigError("report: a results folder is missing")
     for folder in folders:
-        if not (folder / records.FILE).exists():
-            require_results(folder)
-        elif own:
-            raise ConfigError(f"--{own[0][0]} {own[0][1]}: {folder} is a comparison by rays, which has no DataFrames")
+        require_results(folder)
     plugins = _plugins(own, allow_imports)
     for folder in folders:
-        if (folder / records.FILE).exists():
-            from harness.report.tracing import write_derived as write_trace
-
-            write_trace(folder)
-        else:
-            write_derived(folder, plugins)
+        write_derived(folder, plugins)
         consoles()[0].print(f"Report: {folder / 'report.html'}", soft_wrap=True)
 
 
