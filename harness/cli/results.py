@@ -141,7 +141,8 @@ def compare(
     suffix = None if output is None else check_file(output, [f".{name}" for name in TEXTS])
     for folder in (*before, *after):
         require_results(folder)
-    found = changes([load_results(folder) for folder in before], [load_results(folder) for folder in after], threshold)
+    both = [[load_results(folder) for folder in side] for side in (before, after)]
+    found = changes(*both, threshold)
     shown = [row for row in found.rows if everything or row["verdict"] not in NO_CHANGE]
     console = consoles()[0]
     console.print(found.note, markup=False, soft_wrap=True)
@@ -154,6 +155,8 @@ def compare(
     counts = Counter(str(row["verdict"]) for row in found.rows)
     counted = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items()))
     console.print(f"{counted or 'nothing to compare'}.", soft_wrap=True)
+    if any(results.ray_cells for side in both for results in side):
+        console.print("Cells that trace rays are not compared between folders.")
     if output is not None and suffix is not None:
         atomic.write_text(output, TEXTS[suffix.removeprefix(".")](found))
     return sum(bool(row.get("regression")) for row in found.rows)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from io import StringIO
 from typing import Any
 
@@ -12,8 +11,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table as Printed
 
-from harness.analysis.columns import Table
-from harness.report.tables.model import estimate_text, number_text
+from harness.analysis.columns import Column, Table
+from harness.report.tables.model import cell_text
 from harness.report.tables.rays import rays
 from harness.statistics import Estimate
 from harness.store.results import Results
@@ -21,29 +20,9 @@ from harness.store.results import Results
 Row = Mapping[str, Any]
 WIDEST = 1000
 """Columns of a table: none is wrapped."""
-
-
-def _name(row: Row) -> str:
-    accelerator = "" if row["accelerator"] == "auto" else row["accelerator"]
-    return " ".join(filter(None, [row["engine"], accelerator, row["precision"]]))
-
-
-COLUMNS: dict[str, Callable[[Row], str]] = {
-    "engine": _name,
-    "Mrays/s": lambda row: estimate_text(row["mrays_per_second"]),
-    "Mrays/\ncpu s": lambda row: number_text(row["mrays_per_cpu_second"].value),
-    "over baseline": lambda row: estimate_text(row["ratio"]) if row["ratio"] else "",
-    "": lambda row: row["verdict"],
-    "wrong\nhits": lambda row: str(row["wrong"]),
-    "missed": lambda row: str(row["missed"]),
-    "false\nhits": lambda row: str(row["false_hits"]),
-    "wrong answers": lambda row: share_text(row["error_rate"]),
-    "leaks": lambda row: share_text(row["leak_rate"]),
-    "t error\n99.9 %": lambda row: number_text(row.get("t_p999", math.nan)),
-    "build\n[s]": lambda row: number_text(row["build_seconds"]),
-}
-OF_HITS = ("wrong\nhits", "t error\n99.9 %")
-"""Columns that mean nothing where it is asked only whether something is hit."""
+SHARES = ("error_rate", "leak_rate")
+OF_RATES = ("mrays_per_second", "mrays_per_cpu_second", "ratio", "verdict")
+SHOWN = (*OF_RATES, "wrong", "missed", "false_hits", *SHARES, "t_p999", "build_seconds")
 
 
 def rays_text(results: Results) -> str:
@@ -63,7 +42,7 @@ def _lines(table: Table) -> Iterator[str]:
             of = f"{scene}, {primitives} primitives: {kind} rays, {threads} thread{'s' if threads > 1 else ''}"
             on = f", machine {machine}" if machine else ""
             yield f"{of}{on}; {done[0]['checked']} rays checked, {done[0]['hard']} hard rays"
-            yield from _printed(done, kind)
+            yield from _printed(done, table.columns)
     said: dict[str, None] = {}
     for row in table.rows:
         if row["state"] != "done":
@@ -76,16 +55,28 @@ def _lines(table: Table) -> Iterator[str]:
     yield f"{contended} of {blocks} measurements were disturbed by other work.{busy}"
 
 
-def _printed(rows: Sequence[Row], kind: str) -> list[str]:
-    columns = {heading: text for heading, text in COLUMNS.items() if kind != "shadow" or heading not in OF_HITS}
+def _printed(rows: Sequence[Row], columns: Sequence[Column]) -> list[str]:
+    """Lines of those columns of `SHOWN` of which something is known in some row."""
     printed = Printed(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
-    for heading in columns:
-        printed.add_column(heading, justify="left" if heading in ("engine", "") else "right", no_wrap=True)
+    printed.add_column("engine")
+    known = [each for each in columns if each.name in SHOWN and any(_text(each, row) != "–" for row in rows)]
+    for column in known:
+        printed.add_column(escape(column.heading), justify="left" if column.kind == "text" else "right", no_wrap=True)
     for row in rows:
-        printed.add_row(*(escape(text(row)) for text in columns.values()))
+        printed.add_row(*map(escape, [_name(row), *(_text(column, row) for column in known)]))
     file = StringIO()
     Console(file=file, width=WIDEST).print(printed)
     return [line.rstrip() for line in file.getvalue().splitlines()]
+
+
+def _name(row: Row) -> str:
+    accelerator = "" if row["accelerator"] == "auto" else row["accelerator"]
+    return " ".join(filter(None, [row["engine"], accelerator, row["precision"]]))
+
+
+def _text(column: Column, row: Row) -> str:
+    value = row.get(column.name)
+    return share_text(value) if column.name in SHARES and value else cell_text(column, value)
 
 
 def share_text(share: Estimate) -> str:

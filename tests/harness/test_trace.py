@@ -245,6 +245,11 @@ def test_the_command_is_an_experiment_that_report_reads_again(tmp_path, with_plo
     assert "raybench trace cornell_box --engine numpy --accelerator auto --threads 1 --rays incoherent" in report
 
 
+def test_a_command_that_all_engines_decline_exits_with_2(tmp_path):
+    done = raybench("trace", "cornell_box", *options(engine="numpy", precision="float32", out=tmp_path / "out", repeats=1))
+    assert done.returncode == 2 and "numpy is skipped: " in done.stderr and "skipped" in done.stdout
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
