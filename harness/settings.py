@@ -9,7 +9,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -24,23 +24,19 @@ CHOICES = ("shader", "sampler", "accelerator")
 
 
 @dataclass(frozen=True, slots=True)
-class CellSettings:
-    """What an engine is told about a cell, beside scene and seed. `width` and `height` are in pixels, `precision` is float64 or
-    float32; a choice has all of its options."""
+class TracerSettings:
+    """What an engine is told about a cell that traces rays, beside the scene: `precision` is float64, float32, or None for the
+    engine's own; the accelerator has all of its options."""
 
-    shader: Choice
-    sampler: Choice
     accelerator: Choice
-    precision: str
+    precision: str | None
     threads: int
-    width: int
-    height: int
 
     @classmethod
-    def of(cls, plain: Mapping[str, Any]) -> CellSettings:
+    def of(cls, plain: Mapping[str, Any]) -> Self:
         """The settings that `describe` made `plain` data of, which may hold other keys beside."""
-        given = {key: plain[key] for key in cls.__dataclass_fields__}
-        return cls(**{**given, **{kind: Choice.of(given[kind]) for kind in CHOICES}})
+        given: dict[str, Any] = {key: plain[key] for key in cls.__dataclass_fields__}
+        return cls(**{**given, **{key: Choice.of(given[key]) for key in CHOICES if key in given}})
 
     def fields(self) -> dict[str, Any]:
         """The settings by their names."""
@@ -48,7 +44,19 @@ class CellSettings:
 
     def describe(self) -> dict[str, Any]:
         """Plain data, as specs, requests and events hold it."""
-        return {**self.fields(), **{kind: getattr(self, kind).describe() for kind in CHOICES}}
+        return {key: value.describe() if key in CHOICES else value for key, value in self.fields().items()}
+
+
+@dataclass(frozen=True, slots=True)
+class CellSettings(TracerSettings):
+    """What an engine is told about a cell that renders, beside scene and seed. `width` and `height` are in pixels, `precision`
+    is float64 or float32; a choice has all of its options."""
+
+    precision: str
+    shader: Choice
+    sampler: Choice
+    width: int
+    height: int
 
 
 def engine_settings(settings: CellSettings, seed: int, allow_imports: bool) -> Settings:

@@ -6,16 +6,15 @@ from markdown import code, plain, table
 
 from harness.analysis import analyse, frames
 from harness.analysis.columns import ESTIMATES
-from harness.analysis.tracing import trace_table
 from harness.metrics import METRIC_MEANINGS
 from harness.report.tables import all_tables, changes
 from harness.report.tables.accelerators import accelerators
 from harness.report.tables.equivalence import accuracy
+from harness.report.tables.rays import rays
 from harness.report.tables.scaling import scaling
 from harness.store.records import Manifest
 from harness.store.results import results_of
 from harness.store.validation import FORMAT_VERSION
-from harness.trace.records import TraceResults
 
 KINDS = {
     "text": "text",
@@ -30,7 +29,14 @@ KINDS = {
 def text() -> str:
     empty = results_of(Path("results/NAME"), Manifest(raybench_results=FORMAT_VERSION), [])
     analysis = analyse(empty)
-    people = [*all_tables(analysis), accelerators(analysis), scaling(analysis), accuracy(analysis), changes([empty], [empty])]
+    people = [
+        *all_tables(analysis),
+        accelerators(analysis),
+        scaling(analysis),
+        accuracy(analysis),
+        rays(empty),
+        changes([empty], [empty]),
+    ]
     parts = ["## DataFrames"]
     parts += [_section("points", frames.points(empty)), _section("times_to_quality", frames.times_to_quality(analysis))]
     parts += [_section("cells", frames.cells(empty)), _section("verdicts", frames.verdicts(analysis))]
@@ -38,8 +44,6 @@ def text() -> str:
     parts += [table(("Column", "Meaning"), [(code(key), plain(value)) for key, value in METRIC_MEANINGS.items()])]
     parts += ["## For people", "Each as `.csv`, `.md` and `.tex` in `tables/`."]
     parts += [_section(each.name, each) for each in people]
-    none = TraceResults(name="", time="", config={"raybench_trace": 1, "scene": "cornell_box"}, machine={}, entries=[])
-    parts += ["## Of rays", "The table of `raybench trace`.", _section("trace", trace_table(none))]
     return "\n\n".join(parts)
 
 

@@ -16,7 +16,6 @@ MAKERS = {
     "columns": columns.text,
     "experiment": schemas.experiment,
     "scene": schemas.scene,
-    "trace": schemas.trace,
     "library": library.names,
     "claims": library.claims,
     "plugin functions": library.plugin_functions,

@@ -7,7 +7,6 @@ from markdown import code, plain, table
 from engines.scene import scene_schema
 from harness.config import experiment_schema
 from harness.config.settings import SETTINGS
-from harness.trace.experiment import trace_schema
 
 INSTEAD = "Instead of the keys above. "
 LARGE = 2**31
@@ -28,11 +27,6 @@ def experiment() -> str:
         if name not in ("exclude", "include"):
             parts += [f"## {name}", plain(each["description"]), _keys(each.get("items", each))]
     return "\n\n".join(parts)
-
-
-def trace() -> str:
-    """One table."""
-    return _keys(trace_schema())
 
 
 def scene() -> str:

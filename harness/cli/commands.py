@@ -15,7 +15,7 @@ from typing import Annotated, Any
 
 import typer
 
-from harness.cli import conversion, images, tracing
+from harness.cli import conversion, images, rays
 from harness.cli.comparing import SeveralFolders, compare
 from harness.cli.options import (
     DEFAULT_ENGINE,
@@ -95,21 +95,12 @@ def run(
     references: References = None,
 ) -> None:
     """Measure the missing cells of an experiment, then write tables, plots and report. The same command resumes a run."""
-    from engines.errors import ConfigError
     from harness.cli import experiments
-    from harness.config import read_file
     from harness.run.sweep import Options
-    from harness.trace.experiment import TRACE
 
-    file = read_file(config)
-    if file.says(TRACE):
-        if fresh or retry or fail_fast or cluster:
-            raise ConfigError(f"{config}: compares rays: --fresh, --retry, --fail-fast and --cluster are for experiments")
-        given = ["raybench", *sys.argv[1:]]
-        raise typer.Exit(tracing.run_file(file, out, overrides or [], (allow_imports, allow_outside), given))
     allowed = allow_imports, allow_commands, allow_outside
     options = Options(retry, fail_fast, *allowed, ["raybench", *sys.argv[1:]], cluster)
-    raise typer.Exit(experiments.run(file, out, overrides or [], fresh, options))
+    raise typer.Exit(experiments.run(config, out, overrides or [], fresh, options))
 
 
 @command(EXPERIMENTS)
@@ -335,7 +326,7 @@ def equivalence(
     raise typer.Exit(compare(options))
 
 
-command(CHECKS)(tracing.trace)
+command(CHECKS)(rays.trace)
 command(FILES)(conversion.export)
 command(FILES, name="import")(conversion.import_)
 
@@ -352,22 +343,17 @@ def list_() -> None:
 def schema(
     kind: Annotated[
         str,
-        typer.Argument(
-            metavar="KIND",
-            help="Kind of file: experiment, scene or trace.",
-            autocompletion=words("experiment", "scene", "trace"),
-        ),
+        typer.Argument(metavar="KIND", help="Kind of file: experiment or scene.", autocompletion=words("experiment", "scene")),
     ] = "experiment",
 ) -> None:
-    """Print the JSON schema of experiment, scene or trace files, for editors."""
+    """Print the JSON schema of experiment or scene files, for editors."""
     import json
 
     from engines.errors import UnknownName
     from engines.scene import scene_schema
     from harness.config import experiment_schema
-    from harness.trace.experiment import trace_schema
 
-    schemas = {"experiment": experiment_schema, "scene": scene_schema, "trace": trace_schema}
+    schemas = {"experiment": experiment_schema, "scene": scene_schema}
     if kind not in schemas:
         raise UnknownName("kind of file", kind, schemas)
     typer.echo(json.dumps(schemas[kind](), indent=2))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import signal
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,9 +25,11 @@ from harness.plan.cells import Cell, Plan
 from harness.plan.state import expected_seconds, state_of
 from harness.run import certificates, progress, reference_samples, references, sweep
 from harness.run.sweep import Options, Outcome
+from harness.settings import CellSettings
 from harness.store import reference_files
 from harness.store.records import BROKEN, Start
 
+Summary = Callable[[Console, Outcome, Path], None]
 Allowed = tuple[bool, bool, bool]
 """Whether imports, commands and files outside of a scene's folder are allowed."""
 
@@ -37,8 +39,16 @@ def results_folder(experiment: Experiment, out: Path | None) -> Path:
     return out or Path("results") / (re.sub(r"[^A-Za-z0-9._-]+", "-", experiment.name).strip("-.") or "experiment")
 
 
-def run(given: str | ConfigFile, out: Path | None, overrides: Sequence[str], fresh: bool, options: Options) -> int:
-    """Measures and reports; 0, 1 where a cell failed or timed out, 130 where it was interrupted."""
+def run(
+    given: str | ConfigFile,
+    out: Path | None,
+    overrides: Sequence[str],
+    fresh: bool,
+    options: Options,
+    summary: Summary | None = None,
+) -> int:
+    """Measures and reports; 0, 1 where a cell failed or timed out, 130 where it was interrupted. `summary` says what came out,
+    by default `print_summary`."""
     stdout, stderr = consoles()
     experiment = config.load(given, overrides)
     folder = results_folder(experiment, out)
@@ -58,7 +68,7 @@ def run(given: str | ConfigFile, out: Path | None, overrides: Sequence[str], fre
     except KeyboardInterrupt:
         stderr.print(f"\nInterrupted. What was measured is in {folder}; the same command goes on from there.")
         return 130
-    _summary(stdout, outcome, folder)
+    (summary or print_summary)(stdout, outcome, folder)
     return 1 if outcome.failures or outcome.failed_verify_jobs else 0
 
 
@@ -77,7 +87,7 @@ def _warn(plan: Plan, console: Console) -> None:
         console.print(f"warning: {escape(warning)}", style="yellow", soft_wrap=True)
 
 
-def _summary(console: Console, outcome: Outcome, folder: Path) -> None:
+def print_summary(console: Console, outcome: Outcome, folder: Path) -> None:
     """Prints what failed, the winners for each target, counts, and where the report is."""
     for cell, event in outcome.failures:
         words = f"{event.state}: {progress.describe(cell)}: {event.message}"
@@ -153,9 +163,9 @@ def _plan_table(console: Console, made: Plan, states: Mapping[str, str]) -> None
     rows: dict[tuple[str, ...], list[Cell]] = {}
     for cell in sorted(made.cells, key=lambda cell: cell.order):
         rows.setdefault(_columns(cell), []).append(cell)
-    names = ("scene", "engine", "accelerator", "shader", "sampler", "precision", "threads", "size", "label", "division")
+    names = ("scene", "rays", "engine", "accelerator", "shader", "sampler", "precision", "threads", "size", "label", "division")
     varying = [i for i, name in enumerate(names) if len({row[i] for row in rows}) > 1 or name in ("scene", "engine")]
-    fixed = [(names[i], next(iter(rows), ("",) * 10)[i]) for i in range(len(names)) if i not in varying]
+    fixed = [(names[i], next(iter(rows), ("",) * len(names))[i]) for i in range(len(names)) if i not in varying]
     same = ", ".join(f"{name} {value}" for name, value in fixed if value)
     if rows and same:
         console.print(f"The same for all: {escape(same)}", soft_wrap=True)
@@ -173,15 +183,19 @@ def _plan_table(console: Console, made: Plan, states: Mapping[str, str]) -> None
 
 def _columns(cell: Cell) -> tuple[str, ...]:
     settings = cell.settings
+    shader, sampler, size = "", "", ""
+    if isinstance(settings, CellSettings):
+        shader, sampler, size = str(settings.shader), str(settings.sampler), f"{settings.width}x{settings.height}"
     return (
         cell.scene.name,
+        "" if cell.ray_set is None else cell.ray_set.kind,
         cell.engine_name,
         str(settings.accelerator),
-        str(settings.shader),
-        str(settings.sampler),
-        settings.precision,
+        shader,
+        sampler,
+        settings.precision or "",
         str(settings.threads),
-        f"{settings.width}x{settings.height}",
+        size,
         cell.label or "",
         cell.division,
     )

@@ -17,7 +17,6 @@ from harness.cli.outputs import check_file
 from harness.console import consoles
 from harness.processes import allow_here
 from harness.store import atomic
-from harness.trace import records
 
 if TYPE_CHECKING:
     from harness.report.plugins import Plugin
@@ -53,18 +52,10 @@ def report(folders: Sequence[Path], own: Sequence[tuple[str, str]] = (), allow_i
     if not folders:
         raise ConfigError("report: a results folder is missing")
     for folder in folders:
-        if not (folder / records.FILE).exists():
-            require_results(folder)
-        elif own:
-            raise ConfigError(f"--{own[0][0]} {own[0][1]}: {folder} is a comparison by rays, which has no DataFrames")
+        require_results(folder)
     plugins = _plugins(own, allow_imports)
     for folder in folders:
-        if (folder / records.FILE).exists():
-            from harness.report.tracing import write_derived as write_trace
-
-            write_trace(folder)
-        else:
-            write_derived(folder, plugins)
+        write_derived(folder, plugins)
         consoles()[0].print(f"Report: {folder / 'report.html'}", soft_wrap=True)
 
 
@@ -150,7 +141,8 @@ def compare(
     suffix = None if output is None else check_file(output, [f".{name}" for name in TEXTS])
     for folder in (*before, *after):
         require_results(folder)
-    changed = changes([load_results(folder) for folder in before], [load_results(folder) for folder in after], threshold)
+    both = [[load_results(folder) for folder in side] for side in (before, after)]
+    changed = changes(*both, threshold)
     shown = [row for row in changed.rows if everything or row["verdict"] not in NO_CHANGE]
     console = consoles()[0]
     console.print(changed.note, markup=False, soft_wrap=True)
@@ -163,6 +155,8 @@ def compare(
     counts = Counter(str(row["verdict"]) for row in changed.rows)
     counted = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items()))
     console.print(f"{counted or 'nothing to compare'}.", soft_wrap=True)
+    if any(results.ray_cells for side in both for results in side):
+        console.print("Cells that trace rays are not compared between folders.")
     if output is not None and suffix is not None:
         atomic.write_text(output, TEXTS[suffix.removeprefix(".")](changed))
     return sum(bool(row.get("regression")) for row in changed.rows)

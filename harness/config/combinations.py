@@ -109,7 +109,7 @@ def condition(key: str, node: Located) -> Condition:
     bounds = _BOUNDS.read(node).written
     if not bounds:
         raise node.refuse("bounds are expected: {ge: 2}")
-    if key in ("scene", "engine", "resolution", "precision", "division", *CHOICES):
+    if key in ("scene", "engine", "rays", "resolution", "precision", "division", *CHOICES):
         raise node.refuse("bounds are for numbers: a name, a glob or a list is expected")
     return lambda found: is_number(found) and all(COMPARISONS[name](found, x) for name, x in bounds.items())
 

@@ -22,11 +22,25 @@ from harness.config.combinations import MATRIX, expand
 from harness.config.files import ConfigFile, read_file, top_level
 from harness.config.keys import by_field, key, keys_of, written
 from harness.config.kinds import LINE, NAME, RECORDED, SEED, ListOf, OrNull, integer, number, one_of, version
-from harness.config.sections import Checkpoints, EquivalenceConfig, Limits, Order, Pair, Quality, ReferenceConfig, VerifyConfig
+from harness.config.sections import (
+    Checkpoints,
+    EquivalenceConfig,
+    Limits,
+    Order,
+    Pair,
+    Quality,
+    RaySets,
+    ReferenceConfig,
+    VerifyConfig,
+)
 from harness.config.settings import SETTINGS, Combination
 
 EXPERIMENT = "raybench_experiment"
 SCHEMA_VERSION = 1
+FORMER_RAYS = (
+    "comparisons by rays are experiments now: `rays` stands in `matrix` as `engine` does, `count`, `batch`, `bounces`, "
+    "`checked` and `hard` in `ray_sets`, `max_time` and `timeout` in `budget` (configs/rays.yaml is an example)"
+)
 IMAGES = ("all", "some", "last", "none")
 PREFERRED_BASELINES = ("numpy", "numba", "embree")
 """The engine that all are compared with where a config names none: the first of these that it has."""
@@ -75,6 +89,7 @@ class Experiment:
     checkpoints: Checkpoints = key(sections.CHECKPOINTS, default={})
     limits: Limits = key(sections.LIMITS, default={})
     order: Order = key(sections.ORDER, default={})
+    ray_sets: RaySets = key(sections.RAY_SETS, default={})
     reference: ReferenceConfig = key(sections.REFERENCE, default={})
     quality: Quality = key(sections.QUALITY, default={})
     equivalence: EquivalenceConfig = key(sections.EQUIVALENCE, default={})
@@ -83,6 +98,11 @@ class Experiment:
     warnings: tuple[str, ...] = field(default=(), compare=False)
     source: str = field(default="", compare=False)
     folder: Path = field(default=Path(), compare=False)
+
+    @property
+    def renders(self) -> bool:
+        """Whether any cell renders, and so needs a reference: others trace rays."""
+        return any(combination.rays is None for combination in self.combinations)
 
     def normalised(self) -> dict[str, Any]:
         """The experiment as plain data that is a valid file: every default filled in, and every combination an `include` entry.
@@ -125,7 +145,8 @@ def parse(root: Located, context: Any, stem: str = "experiment", source: str = "
     `RECORDED`; `stem` is the name of one that gives none."""
     top = top_level(root)
     if EXPERIMENT not in top.value:
-        raise root.refuse(f"'{EXPERIMENT}: {SCHEMA_VERSION}' is expected: this is no experiment")
+        former = f"; {FORMER_RAYS}" if "raybench_trace" in top.value else ": this is no experiment"
+        raise root.refuse(f"'{EXPERIMENT}: {SCHEMA_VERSION}' is expected{former}")
     top, former = _without_policy(top)
     given = KEYS.read(top, context)
     combinations, warnings = expand(given)
@@ -164,6 +185,8 @@ def read_quality(root: Located, context: Any = None) -> Quality:
 
 def _seeds_differ(root: Located, found: Experiment) -> None:
     """Cells may not draw the reference's numbers: the reference would hold the cell's own noise."""
+    if not found.renders:
+        return
     seed, repeats, reference = found.seed, found.repeats, found.reference
     used = reference.replicates[1]
     if seed < reference.seed + used and reference.seed < seed + repeats:

@@ -20,10 +20,6 @@ class ConfigFile:
     path: Path
     name: str
 
-    def says(self, key: str) -> bool:
-        """Whether the file has this key at its top level."""
-        return isinstance(self.root.value, dict) and key in self.root.value
-
     def overridden(self, overrides: Iterable[str]) -> Located:
         """The tree with `key.key=value` overrides applied, one after the other."""
         root = self.root

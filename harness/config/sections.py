@@ -72,6 +72,17 @@ class Limits:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class RaySets:
+    """The sets of rays that cells with `rays` trace, one for each scene and kind, made from the experiment's `seed`."""
+
+    count: int = key(integer(16, 10**8), "Rays per set.", 200_000)
+    batch: int | None = key(OrNull(integer(1, 10**8)), "Rays per call; by default all in one.", None)
+    bounces: int = key(integer(1, 64), "Bounces of the paths from whose hits incoherent rays start.", 3)
+    checked: int = key(integer(0, 10**8), "Rays per set that are compared with exact answers; the whole set at most.", 10_000)
+    hard: int = key(integer(0, 10**8), "Rays at edges and vertices that triangles share, by which leaks are counted.", 20_000)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Order:
     """Order in which cells run: block after block, at random within each."""
 
@@ -264,6 +275,7 @@ def _verify(found: VerifyConfig, given: Given, context: Any) -> VerifyConfig:
 
 CHECKPOINTS = Section(Checkpoints, _checkpoints)
 LIMITS = Section(Limits)
+RAY_SETS = Section(RaySets)
 ORDER = Section(Order)
 PAIR = Section(Pair)
 REFERENCE = Section(ReferenceConfig, _reference)

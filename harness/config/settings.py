@@ -244,6 +244,8 @@ SAMPLER = ChoiceKind("sampler", choices.SAMPLERS)
 ACCELERATOR = ChoiceKind("accelerator")
 PRECISION = OrNull(one_of("float64", "float32"))
 DIVISIONS = ("closed", "open")
+RAY_KINDS = ("camera", "shadow", "incoherent")
+"""Kinds of ray sets: see `harness.trace.rays`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -256,13 +258,21 @@ class Combination:
         None,
     )
     engine: str = key(ENGINE, "Name of an engine (see `raybench list`), module:attribute, or file of a renderer.", None)
+    rays: str | None = key(
+        OrNull(one_of(*RAY_KINDS)),
+        "Kind of rays that the cell traces, see `ray_sets`; null: it renders. With rays `shader`, `sampler`, `resolution` and "
+        "the budget's `max_spp` mean nothing.",
+        None,
+    )
     shader: Choice = key(SHADER, "Name of a shader, or {name: ..., option: value}.", "path_tracer")
     sampler: Choice = key(SAMPLER, "Name of a sampler, or {name: ..., option: value}.", "sobol")
     accelerator: Choice = key(
         ACCELERATOR, "Name of an accelerator, or {name: ..., option: value}; auto lets the engine choose.", "auto"
     )
     precision: str | None = key(
-        PRECISION, "Precision of the arithmetic; null is float64, or float32 for an engine that has nothing else.", None
+        PRECISION,
+        "Precision of the arithmetic; null is float64, or float32 for an engine that has nothing else; of rays: its own.",
+        None,
     )
     threads: int = key(integer(1, 1024), "Threads of the engine.", 1)
     resolution: tuple[int, int] | None = key(

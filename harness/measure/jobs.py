@@ -17,7 +17,7 @@ from harness.measure import clock, films, tracing
 from harness.measure.contention import Disturbance
 from harness.measure.messages import End, Go, Parent, Point, Prepared, Traced, Unwritten
 from harness.measure.schedule import Schedule
-from harness.settings import CellSettings, engine_settings
+from harness.settings import CellSettings, TracerSettings, engine_settings
 
 TIMED_HERE = ("build_seconds", "compile_seconds")
 """Counters that are not passed on: the phases of the first renderer are what was waited for."""
@@ -73,16 +73,17 @@ def reference(engine: Any, request: Mapping[str, Any], parent: Parent) -> None:
 
 
 def trace(engine: Any, request: Mapping[str, Any], parent: Parent) -> None:
-    """Traces a set of rays again and again until `max_time_seconds` are on the clock, and leaves the answers to those rays
-    that are to be checked."""
+    """Traces a set of rays again and again, see `tracing.RayTask`, and leaves the answers to those rays that are to be
+    checked."""
     scene, load_seconds = loaded(request)
-    rays = tracing.read_rays(request["rays"])
-    tracer, build, first_call = tracing.prepare(engine, scene, request, rays)
+    task, settings = tracing.RayTask(**request["rays"]), TracerSettings.of(request["settings"])
+    rays = tracing.read_rays(task.file)
+    tracer, build, first_call = tracing.prepare(engine, scene, settings, request["allow_imports"], task, rays)
     parent.send(Prepared(load_seconds, build, first_call))
     disturbance = Disturbance()
-    seconds, passes = tracing.timed_passes(tracer, request, rays, disturbance)
+    seconds, passes = tracing.timed_passes(tracer, task, rays, disturbance)
     disturbance.rest()
-    tracing.leave_answers(tracer, request, rays)
+    tracing.leave_answers(tracer, task, rays, request["scratch"])
     parent.send(Traced(seconds, passes, *disturbance.window, disturbance.alive))
     parent.send(End({}, disturbance.report()))
 

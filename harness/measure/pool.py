@@ -39,20 +39,12 @@ class WorkerTimeout(Exception):
 
 
 class WorkerMessage(NamedTuple):
-    """A message of a worker about a cell, and the film that came with it."""
+    """A message of a worker about a cell, and what came with it: the film of a `Point`, the answers of `Traced` rays as
+    `tracing.read_answers` returns them."""
 
-    message: Imported | Prepared | Point | End
+    message: Imported | Prepared | Point | Traced | End
     film: Film | None = None
-
-
-class TracedRays(NamedTuple):
-    """Rays that a worker has traced: its phases and passes, what disturbed these, and the answers as `tracing` reads them."""
-
-    version: str
-    phases: Prepared
-    timed: Traced
-    machine: Mapping[str, Any]
-    answers: Mapping[str, Any]
+    answers: tracing.Arrays | None = None
 
 
 class Worker:
@@ -231,7 +223,8 @@ class Pool:
         return self._workers[engine]
 
     def cell(self, engine: str, request: Mapping[str, Any], timeout_seconds: float) -> Generator[WorkerMessage]:
-        """The messages of a worker about a cell, from its import to its end; the caller's time in between is not counted.
+        """The messages of a worker about a cell, from its import to its end; the caller's time in between is not counted. A
+        request with `rays` is traced, another one is rendered.
 
         Raises `WorkerFailed` and `WorkerTimeout`. A worker that is left before its end is killed. What disturbed the cell is
         judged here: `machine` of its `End`.
@@ -239,23 +232,27 @@ class Pool:
         worker = self.worker(engine)
         yield WorkerMessage(worker.imported)
         deadline = monotonic() + timeout_seconds
-        worker.ask(Job("harness.measure.jobs:cell", self._complete(request)))
-        expected: tuple[type[Prepared | Point | End], ...] = (Prepared,)
+        task = tracing.RayTask(**request["rays"]) if "rays" in request else None
+        worker.ask(Job(f"harness.measure.jobs:{'trace' if task else 'cell'}", self._complete(request)))
+        expected: tuple[type[Prepared | Point | Traced | End], ...] = (Prepared,)
         worker.threads, waited = EndedThreads(), 0.0
         try:
             while True:
                 answer = self._receive(worker, request, deadline, *expected)
-                began, film = monotonic(), None
-                if isinstance(answer, Point):
+                began, film, answers = monotonic(), None, None
+                if isinstance(answer, (Point, Traced)):
                     waited += worker.ended_waits(answer)
+                if isinstance(answer, Point):
                     film = self._film(worker, request, answer.spp, answer.overshoots)
+                if isinstance(answer, Traced) and task:
+                    answers = self._answers(worker, task)
                 if isinstance(answer, End):
                     machine = contention.judged(answer.machine, request["settings"]["threads"], waited)
                     yield WorkerMessage(answer._replace(machine=machine))
                     return
-                yield WorkerMessage(answer, film)
+                yield WorkerMessage(answer, film, answers)
                 deadline += monotonic() - began
-                expected = (Point, End)
+                expected = (Point, End) if task is None else (End,) if isinstance(answer, Traced) else (Traced,)
                 if film is not None:
                     worker.ask(Go())
         except GeneratorExit:
@@ -277,24 +274,6 @@ class Pool:
             worker.kill()
             raise
         worker.receive(FOREVER, End)
-
-    def trace(self, engine: str, request: Mapping[str, Any], timeout_seconds: float) -> TracedRays:
-        """A set of rays, traced by a worker. Raises `WorkerFailed` and `WorkerTimeout`."""
-        worker = self.worker(engine)
-        worker.threads = EndedThreads()
-        deadline = monotonic() + timeout_seconds
-        try:
-            worker.ask(Job("harness.measure.jobs:trace", self._complete(request)))
-            phases, timed = worker.receive(deadline, Prepared), worker.receive(deadline, Traced)
-            waited = worker.ended_waits(timed)
-            machine = contention.judged(worker.receive(deadline, End).machine, request["threads"], waited)
-            answers = tracing.read_answers(self.scratch, request)
-            return TracedRays(worker.imported.version, phases, timed, machine, answers)
-        except RaybenchError as error:
-            worker.kill()
-            raise WorkerFailed(str(error)) from error
-        finally:
-            worker.threads = None
 
     def run(self, engine: str, job: Job, timeout_seconds: float) -> Sequence[Any]:
         """The results of a job of another room, which sends `Results` and `End`. Raises `WorkerFailed` and `WorkerTimeout`."""
@@ -329,6 +308,14 @@ class Pool:
         settings = request["settings"]
         try:
             return films.take(self.scratch, settings["width"], settings["height"], spp, overshoots)
+        except RaybenchError as error:
+            worker.kill()
+            raise WorkerFailed(str(error)) from error
+
+    def _answers(self, worker: Worker, task: tracing.RayTask) -> tracing.Arrays:
+        """The answers that a worker has left; raises `WorkerFailed` where they are none."""
+        try:
+            return tracing.read_answers(self.scratch, task)
         except RaybenchError as error:
             worker.kill()
             raise WorkerFailed(str(error)) from error

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -12,7 +12,8 @@ from engines.choices import Choice
 from engines.errors import ConfigError, RaybenchError, UnknownName
 from engines.interface import Engine
 from engines.scene import Scene
-from harness.settings import CellSettings, engine_settings, plugin_or_choice
+from harness.measure import tracing
+from harness.settings import CellSettings, TracerSettings, engine_settings, plugin_or_choice
 
 REPRODUCIBLE = ("seeds_matter", "a_split_render_is_the_same")
 """Claims of `engines.conformance` that make an image a function of seed and samples."""
@@ -86,10 +87,22 @@ def auto_accelerator(engine: Engine, scene: Scene, settings: CellSettings, allow
 def why_not(engine: Engine, scene: Scene, settings: CellSettings, allow_imports: bool) -> str | None:
     """The engine's answer. One that fails at it, or answers something else, is tried: the cell will show."""
     plain = engine_settings(settings, 0, allow_imports)
+    return _answer(engine, scene, lambda: engine.why_not(scene, plain))
+
+
+def why_no_tracer(engine: Engine, scene: Scene, settings: TracerSettings, allow_imports: bool) -> str | None:
+    """Why the engine cannot trace single rays in a scene, or None, as in `why_not`."""
+    try:
+        return _answer(engine, scene, lambda: tracing.why_not(engine, scene, settings, allow_imports))
+    except RaybenchError as error:
+        return str(error)
+
+
+def _answer(engine: Engine, scene: Scene, ask: Callable[[], Any]) -> str | None:
     if scene.native is not None and scene.native.refusal and not getattr(engine, "takes_native", False):
         return scene.native.refusal
     try:
-        answer: Any = engine.why_not(scene, plain)
+        answer = ask()
     except UnknownName as unknown:
         if unknown.kind in ("sampler", "shader"):  # an engine's own, which the configuration was right to name
             return f"the engine {engine.name} has no {unknown.kind} {unknown.found}"

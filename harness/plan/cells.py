@@ -15,9 +15,10 @@ from engines.registry import is_file, names_a_program, split
 from harness.config import Checkpoints, Experiment, paths
 from harness.config.settings import Budget, SceneFile
 from harness.measure.schedule import Schedule
+from harness.plan.ray_sets import PlannedRaySet
 from harness.plan.references import PlannedReference
 from harness.plan.verify_jobs import VerifyJob
-from harness.settings import CHOICES, CellSettings
+from harness.settings import CHOICES, CellSettings, TracerSettings
 
 WARM_UP_SEED = 1 << 40
 """Added to a cell's seed for the pass that is discarded."""
@@ -38,10 +39,10 @@ class Cell:
     scene_hash: str
     engine: str
     engine_name: str
-    settings: CellSettings
+    settings: CellSettings | TracerSettings
     budget: Budget
-    reference_id: str | None
     skip: str | None
+    reference_id: str | None = None
     primitives: int = 0
     """Triangles, spheres and planes of the scene."""
     smooth_sampler: bool = False
@@ -56,31 +57,47 @@ class Cell:
     """Which accelerator `auto` takes, and why, where the engine says so."""
     patterns: tuple[FullPattern, ...] = ()
     """The checkpoints of a sampler with whole patterns: each is a render of its own."""
+    ray_set: PlannedRaySet | None = None
+    """The rays that the cell traces; None where it renders."""
+
+    @property
+    def needed_id(self) -> str | None:
+        """The id of the reference or of the ray set without which it cannot be measured."""
+        return self.reference_id if self.ray_set is None else self.ray_set.ray_set_id
 
     def command(self, spp: int) -> str:
-        """The command that renders `spp` samples of this cell again, to the bit."""
-        engine = _engine_word(self.engine)
-        settings = replace(self.settings, sampler=self.sampler(spp))
-        words = ["raybench", "render", _scene_word(self.scene), "--engine", engine]
+        """The command that renders `spp` samples of this cell again, to the bit, or that traces its rays again."""
+        settings = self.settings
+        words = ["raybench", "render" if self.ray_set is None else "trace", _scene_word(self.scene)]
+        words += ["--engine", _engine_word(self.engine)]
         for name, value in self.scene.parameters:
             words += ["-D", f"{name}={value}"]
         words += ["--allow-outside"] if self.scene.allow_outside else []
-        for kind in CHOICES:
-            words += [f"--{kind}", flow(getattr(settings, kind))]
-        words += ["--threads", str(settings.threads), "--precision", settings.precision]
-        words += ["--size", f"{settings.width}x{settings.height}", "--seed", str(self.seed)]
-        words += ["--spp", str(spp), "-o", "image.exr"]
-        names = (self.engine, *(getattr(settings, kind).name for kind in CHOICES))
+        if isinstance(settings, CellSettings):
+            settings = replace(settings, sampler=self.sampler(spp))
+        chosen = {kind: choice for kind in CHOICES if (choice := getattr(settings, kind, None))}
+        for kind, choice in chosen.items():
+            words += [f"--{kind}", flow(choice)]
+        words += ["--threads", str(settings.threads)]
+        words += ["--precision", settings.precision] if settings.precision else []
+        if isinstance(settings, CellSettings):
+            words += ["--size", f"{settings.width}x{settings.height}", "--seed", str(self.seed)]
+            words += ["--spp", str(spp), "-o", "image.exr"]
+        else:
+            assert self.ray_set is not None
+            words += self.ray_set.options(self.budget)
+        names = (self.engine, *(choice.name for choice in chosen.values()))
         words += ["--allow-commands"] if names_a_program(self.engine) else []
         words += ["--allow-imports"] if any(":" in split(name)[0] for name in names) else []
         return " ".join(quote(word) for word in words)
 
     def sampler(self, spp: int) -> Choice:
-        """The sampler of the checkpoint at `spp`."""
+        """The sampler of the checkpoint at `spp` of a cell that renders."""
+        assert isinstance(self.settings, CellSettings)
         return next((Choice.of(each.sampler) for each in self.patterns if each.spp == spp), self.settings.sampler)
 
     def request(self, checkpoints: Checkpoints) -> dict[str, Any]:
-        """The request that a worker gets for this cell."""
+        """The request that a worker gets for this cell. Where it traces rays, `Recorder.request` adds these."""
         return {
             "scene_path": self.scene.path,
             **self.scene.options,

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import random
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ from engines.errors import ConfigError, RaybenchError, UnknownName, suggestion
 from engines.film import BYTES_A_PIXEL as FILM_BYTES
 from engines.interface import Engine
 from engines.registry import engine as engine_of
-from engines.registry import lineage_of
+from engines.registry import is_file, lineage_of
 from engines.scene import Scene
 from harness.config import SCHEMA_VERSION, Experiment
 from harness.config.experiment import PREFERRED_BASELINES
@@ -32,11 +32,13 @@ from harness.plan import answers, certifiers
 from harness.plan.cells import Cell, Plan, flow
 from harness.plan.names import names_of
 from harness.plan.patterns import full_patterns
+from harness.plan.ray_sets import PlannedRaySet
 from harness.plan.references import Certifier, PlannedReference
 from harness.plan.verify_jobs import planned
 from harness.processes import allow_here
-from harness.settings import CellSettings, completed, require_commands, require_imports
+from harness.settings import CellSettings, TracerSettings, completed, require_commands, require_imports
 from harness.source_hashes import engine_code, environment_of, plugin_codes
+from harness.trace import rays
 
 BYTES_A_PIXEL = 2 * FILM_BYTES + 4 * 3 * 8
 """Of a cell: a film where it is rendered and one here, and the reference's mean, halves and variance."""
@@ -99,6 +101,7 @@ def _pairs_exist(experiment: Experiment, configurations: Iterable[Cell]) -> None
             "division": cell.division,
         }
         for cell in configurations
+        if isinstance(cell.settings, CellSettings)
     ]
     for index, pair in enumerate(experiment.pairs):
         divisions = []
@@ -121,9 +124,9 @@ class _Known:
         self.allow_imports, self.allow_outside = allow_imports, allow_outside
         names = dict.fromkeys(combination.engine for combination in experiment.combinations)
         self.engines: dict[str, Engine] = {}
-        certify = experiment.reference.certify
-        named = None if certify == AUTOMATIC else certify
-        for name in filter(None, [*names, experiment.reference.engine, named]):
+        reference = experiment.reference
+        certify = None if reference.certify == AUTOMATIC else reference.certify
+        for name in filter(None, [*names, *((reference.engine, certify) if experiment.renders else ())]):
             require_imports(name, allow_imports)
             require_commands(name, allow_commands)
             answers.accelerators(self.engines.setdefault(name, engine_of(name)))  # raises: it cannot list them
@@ -172,6 +175,8 @@ class _Known:
 
 def _configured(experiment: Experiment, combination: Combination, known: _Known) -> tuple[Cell, PlannedReference | None]:
     """A configuration as a cell without block and seed, and the reference it needs."""
+    if combination.rays is not None:
+        return _tracing(experiment, combination, combination.rays, known), None
     file = known.file(combination)
     scene, engine = known.scenes[file], known.engines[combination.engine]
     accelerator, lacking = known.accelerator(combination.engine, combination.accelerator)
@@ -191,29 +196,73 @@ def _configured(experiment: Experiment, combination: Combination, known: _Known)
     skip = lacking or answers.why_not(engine, scene, settings, known.allow_imports)
     wanted, unreferenced = _reference(experiment, file, scene, settings, known)
     skip = skip or unreferenced
-    budget, plain = combination.budget, settings.describe()
+    budget = combination.budget
     patterns = None if skip else full_patterns(engine, settings.sampler, Schedule.of(experiment.checkpoints, budget))
     if patterns == ():
         skip = f"no whole pattern of its sampler has at most {budget.max_spp} samples per pixel, the budget.max_spp"
-    named = known.names[combination.engine]
-    spec = {
+    more = {
+        "max_spp": budget.max_spp,
+        "checkpoints": experiment.checkpoints.describe(),
+        **({"patterns": [asdict(each) for each in patterns]} if patterns else {}),
+    }
+    cell = _cell(
+        combination,
+        known,
+        settings,
+        more,
+        skip,
+        reference_id=wanted.reference_id if wanted and not skip else None,
+        smooth_sampler=answers.is_smooth(engine, settings.sampler, known.allow_imports),
+        reproducible=answers.is_reproducible(engine),
+        patterns=patterns or (),
+        raced=experiment.reference.shader,
+        auto_accelerator="" if skip else answers.auto_accelerator(engine, scene, settings, known.allow_imports),
+    )
+    return cell, None if skip else wanted
+
+
+def _tracing(experiment: Experiment, combination: Combination, kind: str, known: _Known) -> Cell:
+    """A configuration that traces rays of a kind."""
+    file = known.file(combination)
+    scene, engine = known.scenes[file], known.engines[combination.engine]
+    accelerator, skip = known.accelerator(combination.engine, combination.accelerator)
+    settings = TracerSettings(accelerator, combination.precision, combination.threads)
+    if is_file(combination.engine):
+        skip = "an external renderer traces no single rays"
+    skip = skip or rays.why_not(kind, scene) or answers.why_no_tracer(engine, scene, settings, known.allow_imports)
+    ray_set = PlannedRaySet(file, scene.identity, kind, experiment.ray_sets, experiment.seed)
+    more = {"ray_set": {**ray_set.spec, "batch": experiment.ray_sets.batch}}
+    return _cell(combination, known, settings, more, skip, ray_set=ray_set)
+
+
+def _cell(
+    combination: Combination,
+    known: _Known,
+    settings: CellSettings | TracerSettings,
+    spec: Mapping[str, Any],
+    skip: str | None,
+    **more: Any,
+) -> Cell:
+    """A cell without block and seed. `spec` is what its own has besides engine, scene, settings and time; `more` are fields."""
+    file = known.file(combination)
+    scene, engine, named = known.scenes[file], known.engines[combination.engine], known.names[combination.engine]
+    plain = settings.describe()
+    whole = {
         "schema": SCHEMA_VERSION,
         "scene": scene.identity,
         "engine": named,
         "engine_version": str(engine.version),
         **plain,
-        "max_time_seconds": budget.max_time_seconds,
-        "max_spp": budget.max_spp,
-        "checkpoints": experiment.checkpoints.describe(),
+        "max_time_seconds": combination.budget.max_time_seconds,
         "label": None,
         "code": {"engine": known.code(combination.engine), **plugin_codes(plain)},
         **({"environment": environment} if (environment := environment_of(engine)) else {}),
-        **({"patterns": [asdict(each) for each in patterns]} if patterns else {}),
+        **spec,
     }
-    cell = Cell(
+    return Cell(
         cell_id="",
-        configuration=digest(spec),
-        spec=spec,
+        configuration=digest(whole),
+        spec=whole,
         block=0,
         order=0,
         seed=0,
@@ -223,18 +272,12 @@ def _configured(experiment: Experiment, combination: Combination, known: _Known)
         engine=combination.engine,
         engine_name=named,
         settings=settings,
-        budget=budget,
-        reference_id=wanted.reference_id if wanted and not skip else None,
+        budget=combination.budget,
         skip=skip,
         primitives=primitive_count(scene),
-        smooth_sampler=answers.is_smooth(engine, settings.sampler, known.allow_imports),
-        reproducible=answers.is_reproducible(engine),
-        patterns=patterns or (),
         division=combination.division,
-        raced=experiment.reference.shader,
-        auto_accelerator="" if skip else answers.auto_accelerator(engine, scene, settings, known.allow_imports),
+        **more,
     )
-    return cell, None if skip else wanted
 
 
 def primitive_count(scene: Scene) -> int:
@@ -322,13 +365,15 @@ def _as_certifier(name: str, scene: Scene, wanted: PlannedReference, known: _Kno
 
 
 def _with_aa_twins(experiment: Experiment, configurations: list[Cell]) -> list[Cell]:
-    """The configurations, and one of every scene again under a second label: what two equal ones differ in is noise."""
+    """The configurations, and one of every scene (of rays: of every race) again under a second label: what two equal ones
+    differ in is noise."""
     if not experiment.aa_twin:
         return configurations
     scenes: dict[Any, list[Cell]] = {}
     for cell in configurations:
         if not cell.skip:
-            scenes.setdefault((cell.scene.path, cell.scene.parameters), []).append(cell)
+            race = cell.ray_set and (cell.ray_set.kind, cell.settings.threads)
+            scenes.setdefault((cell.scene.path, cell.scene.parameters, race), []).append(cell)
     return [*configurations, *(replace(_twinned(experiment, cells), label=AA_LABEL) for cells in scenes.values())]
 
 

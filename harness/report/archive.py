@@ -21,14 +21,25 @@ from harness import store
 from harness.analysis import Analysis, analyse, archived_verdicts, calibration
 from harness.report.html.pictures import rounded, shown_images
 from harness.store import confined, reference_files
-from harness.store.records import AnyEvent, ArchivedVerdicts, Attempt, Calibration, Cell, Reference, Start, transformed
+from harness.store.records import (
+    AnyEvent,
+    ArchivedVerdicts,
+    Attempt,
+    Calibration,
+    Cell,
+    RayAttempt,
+    RayCell,
+    Reference,
+    Start,
+    transformed,
+)
 from harness.store.results import load_results
 
 DIGITS = 6
 MOST_IMAGES = 2
 """Of a scene and shader: that many images at the end of the budget, and as many at equal time."""
 MEASURED = ("phases", "counters", "machine", "wall_seconds")
-DROPPED = (Start, Attempt, ArchivedVerdicts, Calibration)
+DROPPED = (Start, Attempt, RayAttempt, ArchivedVerdicts, Calibration)
 """Kinds of events that say nothing about what counts, or are written anew."""
 FOLDERS = re.compile(r"""(?<![\w./~])/(?:[^\s/'"]+/)+""")
 """The folders of an absolute path."""
@@ -76,7 +87,7 @@ def _write(analysis: Analysis, kept: Mapping[str, Path], folder: Path, out: Path
 
 def _still_counting(events: Sequence[AnyEvent]) -> list[AnyEvent]:
     """Of each cell the last event, unless it is outdated; all others but those of `DROPPED` kinds."""
-    others = [event for event in events if not isinstance(event, (Cell, *DROPPED))]
+    others = [event for event in events if not isinstance(event, (Cell, RayCell, *DROPPED))]
     return [*others, *(cell for cell in store.latest_cells(events).values() if cell.state != "outdated")]
 
 
@@ -84,10 +95,12 @@ def _shortened(event: AnyEvent, kept: Container[str], folder: Path, out: Path) -
     """An event as it stands in the archive."""
     if isinstance(event, Reference):
         reference_files.carry(folder, event, out, small=True)
-    if not isinstance(event, Cell):
+    if not isinstance(event, (Cell, RayCell)):
         return event
-    points = tuple(point.replaced(image=point.image if point.image and point.image in kept else None) for point in event.points)
     measured = {name: transformed(getattr(event, name), _rounded) for name in MEASURED if name in event.model_fields_set}
+    if isinstance(event, RayCell):
+        return event.replaced(**measured, seconds=_rounded(event.seconds))
+    points = tuple(point.replaced(image=point.image if point.image and point.image in kept else None) for point in event.points)
     return event.replaced(**measured, points=transformed(points, _rounded))
 
 

@@ -13,6 +13,7 @@ from rich.progress import BarColumn, Progress, TextColumn
 from rich.text import Text
 
 from harness.plan.cells import Cell
+from harness.settings import CellSettings
 from harness.store import records
 
 BAR_WIDTH = 10
@@ -26,7 +27,7 @@ class Listener(Protocol):
     def reference(self, name: str, done: int, wanted: int) -> None: ...
     def cell(self, cell: Cell, number: int, total: int, seconds_left: float) -> None: ...
     def point(self, spp: int, seconds: float) -> None: ...
-    def finished(self, cell: Cell, event: records.Cell) -> None: ...
+    def finished(self, cell: Cell, event: records.AnyCell) -> None: ...
     def verify_job(self, name: str, number: int, total: int) -> None: ...
 
 
@@ -34,8 +35,12 @@ def describe(cell: Cell) -> str:
     """A cell in a few words."""
     settings = cell.settings
     parts = [cell.scene.name, cell.engine_name, settings.accelerator.name]
-    parts += [settings.shader.name, settings.sampler.name, settings.precision, f"{settings.threads}t"]
-    return " ".join([*parts, f"seed {cell.seed}", *([cell.label] if cell.label else [])])
+    if isinstance(settings, CellSettings):
+        parts += [settings.shader.name, settings.sampler.name]
+    elif cell.ray_set is not None:
+        parts += [f"{cell.ray_set.kind} rays"]
+    parts += [settings.precision or "", f"{settings.threads}t", f"seed {cell.seed}", cell.label or ""]
+    return " ".join(filter(None, parts))
 
 
 def duration(seconds: float) -> str:
@@ -90,10 +95,12 @@ class Terminal:
     def point(self, spp: int, seconds: float) -> None:
         self._draw(f"{self._left}: {spp} spp in {duration(seconds)}, {self._words}", self._number, self._total)
 
-    def finished(self, cell: Cell, event: records.Cell) -> None:
+    def finished(self, cell: Cell, event: records.AnyCell) -> None:
         state = event.state
         words = f"[{self._number + 1}/{self._total}] {describe(cell)}: {state}"
-        if event.points:
+        if isinstance(event, records.RayCell):
+            words += f", {event.passes} passes in {duration(event.seconds)}" if event.passes else ""
+        elif event.points:
             words += f", {event.end.spp} spp in {duration(event.end.seconds)}"
         if event.message:
             words += f": {event.message}"

@@ -16,15 +16,28 @@ from engines.errors import ConfigError
 from harness import metrics, store
 from harness.hashing import digest
 from harness.measure import films, machine
-from harness.measure.messages import End, Imported, Prepared
+from harness.measure.messages import End, Imported, Prepared, Traced
 from harness.measure.messages import Point as MeasuredPoint
 from harness.measure.pool import WorkerFailed, WorkerMessage, WorkerTimeout
 from harness.plan.cells import Cell, Plan
 from harness.plan.state import up_to_date
 from harness.run.contended import contended_by_cpu_time
 from harness.run.progress import Listener
+from harness.run.ray_sets import RaySets
 from harness.store import records, reference_files, validation
-from harness.store.records import BROKEN, AnyEvent, Attempt, Environment, Point, Start, VerifyJob
+from harness.store.records import (
+    BROKEN,
+    AnyCell,
+    AnyEvent,
+    Attempt,
+    Environment,
+    Point,
+    RayAttempt,
+    RayCell,
+    Start,
+    VerifyJob,
+    attempt_of,
+)
 
 UNUSABLE = "the engine's figures are unusable"
 SHARED_SPP = (1, 4, 16)
@@ -35,9 +48,16 @@ class Recorder:
     """The state of one run. `latest` has the last event of every cell; `stopped` says that no further cell may begin."""
 
     def __init__(
-        self, plan: Plan, folder: Path, listener: Listener, events: store.Events, retry: bool = False, fail_fast: bool = False
+        self,
+        plan: Plan,
+        folder: Path,
+        listener: Listener,
+        events: store.Events,
+        retry: bool,
+        fail_fast: bool,
+        ray_sets: RaySets,
     ) -> None:
-        self.plan, self.folder, self.listener = plan, folder, listener
+        self.plan, self.folder, self.listener, self.ray_sets = plan, folder, listener, ray_sets
         self._events, self._retry, self._fail_fast = events, retry, fail_fast
         self.root = reference_files.cache_folder()
         self.metric = plan.experiment.quality.name
@@ -55,7 +75,7 @@ class Recorder:
         self._events.append(event)
         self.history.append(event)
         self._attempts.add(event)
-        if isinstance(event, records.Cell):
+        if isinstance(event, (records.Cell, RayCell)):
             self.latest[event.cell_id] = event
 
     def record_environment(self, env_id: str, preimage: Mapping[str, Any]) -> None:
@@ -76,21 +96,29 @@ class Recorder:
         return [cell for cell in self.plan.cells if wanted(cell)]
 
     def ready(self) -> list[Cell]:
-        """Cells to be measured whose reference is there, in order."""
-        return [cell for cell in self.todo() if cell.reference_id not in self._refused]
+        """Cells to be measured whose reference or ray set is there, in order."""
+        return [cell for cell in self.todo() if cell.needed_id not in self._refused]
 
-    def without_reference(self, reference_id: str, message: str) -> None:
-        """A reference could not be made: the cells that need it have failed."""
+    def without(self, needed_id: str, message: str) -> None:
+        """A reference or ray set could not be made: the cells that need it have failed."""
         self.listener.note(message)
-        self._refused.add(reference_id)
+        self._refused.add(needed_id)
         for cell in self.todo():
-            if cell.reference_id == reference_id:
+            if cell.needed_id == needed_id:
                 self.append(self.event(cell, "failed", message))
         self.stopped = self._fail_fast
 
     # --- what is measured again -------------------------------------------------------------------------------------
 
-    def contended_again(self, possible: Callable[[records.Cell], bool]) -> Iterator[list[Cell]]:
+    def request(self, cell: Cell) -> dict[str, Any]:
+        """What a worker is asked for of a cell."""
+        request = cell.request(self.plan.experiment.checkpoints)
+        if cell.ray_set is None:
+            return request
+        task = self.ray_sets.of(cell.ray_set).task(cell.ray_set, cell.budget.max_time_seconds)
+        return {**request, "rays": task._asdict()}
+
+    def contended_again(self, possible: Callable[[AnyCell], bool]) -> Iterator[list[Cell]]:
         """Contended cells, round after round, until none is left or the config's rounds are used up, over all runs.
 
         `possible` says of a cell's measurement whether the cell can be measured again under the same conditions.
@@ -141,20 +169,20 @@ class Recorder:
         store.discard_images(self.folder, cell.cell_id, attempt)
         self._events.append(Start(cell_id=cell.cell_id, attempt=attempt, time=datetime.now(UTC).isoformat()))
 
-    def finish(self, cell: Cell, event: records.Cell) -> None:
+    def finish(self, cell: Cell, event: AnyCell) -> None:
         """Puts a cell's measurement on disk. A repetition that is contended again, or fails, leaves the one that counts."""
         counts = event.attempt == 1 or (event.state == "done" and not event.machine.contended)
-        self.append(event if counts else Attempt.of(event))
+        self.append(event if counts else attempt_of(event))
         self.measured += 1
         self.listener.finished(cell, event)
         if counts:
             self.stop_if_broken(event)
 
-    def stop_if_broken(self, event: records.Cell | VerifyJob) -> None:
+    def stop_if_broken(self, event: AnyCell | VerifyJob) -> None:
         """With `fail_fast`, the first failure ends the run."""
         self.stopped = self._fail_fast and event.state in BROKEN
 
-    def measured_as(self, record: CellRecord, messages: Iterable[WorkerMessage]) -> records.Cell:
+    def measured_as(self, record: CellRecord, messages: Iterable[WorkerMessage]) -> AnyCell:
         """The measurement of a cell that was measured to its end, has failed or was killed at its timeout."""
         cell, state, message = record.cell, "done", ""
         try:
@@ -166,19 +194,20 @@ class Recorder:
         record.keep_last_image()
         spp = record.points[-1].spp if record.points else 0
         known = {"env_id": record.env_id, "attempt": record.attempt}
-        measured = {"phases": record.phases, "points": tuple(record.points), "counters": record.counters}
+        measured = {"phases": record.phases, "counters": record.counters, **record.traced}
+        if cell.ray_set is None:
+            measured["points"] = tuple(record.points)
         try:
             return self.event(cell, state, message, spp, **known, **measured, machine=record.disturbance)
         except ConfigError as error:  # it must not make the whole folder unreadable
             return self.event(cell, "failed", str(error), **known)
 
-    def event(self, cell: Cell, state: str, message: str, spp: int = 0, **more: Any) -> records.Cell:
+    def event(self, cell: Cell, state: str, message: str, spp: int = 0, **more: Any) -> AnyCell:
         """What is said of a cell, with what was measured in `more`; `spp` are those of its last image.
 
         Raises `ConfigError` where the engine's figures are unusable.
         """
         fields = {
-            "event": "cell",
             "cell_id": cell.cell_id,
             "configuration": cell.configuration,
             "env_id": self.env_id,
@@ -191,21 +220,26 @@ class Recorder:
             "scene": cell.scene.name,
             "scene_hash": cell.scene_hash,
             "primitives": cell.primitives,
-            "smooth_sampler": cell.smooth_sampler,
-            "reproducible": cell.reproducible,
             "division": cell.division,
-            **({"raced": cell.raced} if cell.raced else {}),
             "engine": cell.engine_name,
             "engine_version": cell.spec["engine_version"],
             **cell.settings.fields(),
-            "reference_id": cell.reference_id,
             "spec": dict(cell.spec),
-            "separate_renders": bool(cell.patterns),
             "command": cell.command(spp or cell.budget.max_spp),
             "time": datetime.now(UTC).isoformat(timespec="seconds"),
             **more,
         }
-        return validation.made(records.Cell, fields, UNUSABLE, "cell.")
+        if cell.ray_set is not None:
+            own = {"rays": cell.ray_set.kind, "ray_set_id": cell.needed_id, "count": cell.ray_set.config.count}
+            return validation.made(RayCell, {"event": "ray_cell", **fields, **own}, UNUSABLE, "cell.")
+        own = {
+            "smooth_sampler": cell.smooth_sampler,
+            "reproducible": cell.reproducible,
+            **({"raced": cell.raced} if cell.raced else {}),
+            "reference_id": cell.reference_id,
+            "separate_renders": bool(cell.patterns),
+        }
+        return validation.made(records.Cell, {"event": "cell", **fields, **own}, UNUSABLE, "cell.")
 
     def reference(self, reference_id: str) -> Any:
         """The arrays of a reference, read and checked once."""
@@ -224,24 +258,34 @@ class CellRecord:
         self.points: list[Point] = []
         self.counters: dict[str, float] = {}
         self.disturbance: dict[str, Any] = {}
+        self.traced: dict[str, Any] = {}
         self._last_film: Any = None
 
     def follow(self, messages: Iterable[WorkerMessage]) -> None:
         """Collects the messages of a worker until its end; failures and timeouts are raised by `messages`."""
-        reference = self.recorder.reference(str(self.cell.reference_id))
-        for message, film in messages:
+        reference = None if self.cell.ray_set else self.recorder.reference(str(self.cell.reference_id))
+        for message, film, answers in messages:
             if isinstance(message, Imported):
                 self._imported(message)
             elif isinstance(message, Prepared):
                 self.phases.update(message._asdict())
             elif isinstance(message, MeasuredPoint):
                 self._point(message, film, reference)
+            elif isinstance(message, Traced):
+                self._traced(message, answers)
             else:
                 self._ended(message)
 
+    def _traced(self, found: Traced, answers: Any) -> None:
+        assert self.cell.ray_set is not None
+        judged = self.recorder.ray_sets.of(self.cell.ray_set).judged(answers)
+        self.traced = {"passes": found.passes, "seconds": found.seconds, "answers": judged}
+        self.phases["render_seconds"] = found.seconds
+
     def _ended(self, end: End) -> None:
-        bad = max(end.counters.get("bad_samples", 0.0), self.counters.get("bad_samples", 0.0))
-        self.counters = {**end.counters, **self.counters, "bad_samples": bad}
+        if self.cell.ray_set is None:
+            bad = max(end.counters.get("bad_samples", 0.0), self.counters.get("bad_samples", 0.0))
+            self.counters = {**end.counters, **self.counters, "bad_samples": bad}
         self.disturbance = dict(end.machine)
         if end.warm_build_seconds is not None:
             self.phases["warm_build_seconds"] = end.warm_build_seconds
@@ -310,10 +354,10 @@ class Attempts:
             self.add(event)
 
     def add(self, event: AnyEvent) -> None:
-        if isinstance(event, Attempt):
+        if isinstance(event, (Attempt, RayAttempt)):
             self._number[event.cell_id] += 1
         # An event may be there twice, of one measurement: scored anew, or counting again.
-        elif isinstance(event, records.Cell) and self._measured.get(event.cell_id) != event.time:
+        elif isinstance(event, (records.Cell, RayCell)) and self._measured.get(event.cell_id) != event.time:
             self._number[event.cell_id], self._measured[event.cell_id] = 0, event.time
 
     def of(self, cell_id: str) -> int:

@@ -15,7 +15,7 @@ from harness import config, metrics, store
 from harness.analysis.targets import automatic_targets
 from harness.config import Experiment, Quality
 from harness.hashing import digest
-from harness.store.records import AnyEvent, Cell, Manifest, Run, Targets
+from harness.store.records import AnyCell, AnyEvent, Cell, Manifest, Run, Targets
 
 
 def rescore(folder: Path, overrides: Sequence[str] = (), command: Sequence[str] = ()) -> tuple[int, int]:
@@ -35,7 +35,7 @@ def rescore(folder: Path, overrides: Sequence[str] = (), command: Sequence[str] 
         for cell in cells:
             events.append(cell)
         if overrides:
-            latest = {**store.latest_cells(history), **{cell.cell_id: cell for cell in cells}}
+            latest = store.latest_cells([*history, *cells])
             _record(folder, manifest, quality, events, latest, command)
     return scored, without
 
@@ -53,7 +53,7 @@ def _scored(folder: Path, history: Sequence[AnyEvent], quality: Quality) -> tupl
     references: dict[str, Any] = {}
     changed: list[Cell] = []
     scored = without = 0
-    for cell in store.latest_cells(history).values():
+    for cell in store.of_kind(store.latest_cells(history).values(), Cell):
         if cell.state not in ("done", "timeout") or not cell.points:
             continue
         key = str(cell.reference_id)
@@ -78,7 +78,12 @@ def _scored(folder: Path, history: Sequence[AnyEvent], quality: Quality) -> tupl
 
 
 def _record(
-    folder: Path, manifest: Manifest, quality: Quality, events: store.Events, latest: Mapping[str, Cell], command: Sequence[str]
+    folder: Path,
+    manifest: Manifest,
+    quality: Quality,
+    events: store.Events,
+    latest: Mapping[str, AnyCell],
+    command: Sequence[str],
 ) -> None:
     """The new quality in manifest and events, with its targets; `auto` ones of another metric are resolved now."""
     now = datetime.now(UTC).isoformat(timespec="seconds")
@@ -87,6 +92,6 @@ def _record(
     store.write_manifest(folder, manifest.replaced(config=replace(experiment, quality=quality).normalised()))
     name = manifest.config_name or manifest.name
     events.append(Run(time=now, run_id=digest([now, *command]), command=tuple(command), config_name=name))
-    targets = quality.targets or (automatic_targets(latest.values(), quality.name) if changed else ())
+    targets = quality.targets or (automatic_targets(store.of_kind(latest.values(), Cell), quality.name) if changed else ())
     if targets:
         events.append(Targets(metric=quality.name, targets=tuple(targets)))

@@ -13,6 +13,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from engines.errors import ConfigError, RaybenchError
 from harness import store
 from harness.analysis.certificates import certificate_text, certifies
 from harness.analysis.targets import automatic_targets
@@ -26,6 +27,7 @@ from harness.plan.state import up_to_date
 from harness.run import certificates, reference_samples, references, verify_jobs
 from harness.run.executors import local
 from harness.run.progress import Listener
+from harness.run.ray_sets import RaySets
 from harness.run.recorder import Recorder
 from harness.store import confined, records
 from harness.store.records import BROKEN, Manifest, Run, Targets
@@ -59,7 +61,7 @@ class Outcome:
 
     measured: int = 0
     states: dict[str, int] = field(default_factory=dict)
-    failures: list[tuple[Cell, records.Cell]] = field(default_factory=list)
+    failures: list[tuple[Cell, records.AnyCell]] = field(default_factory=list)
     failed_verify_jobs: list[str] = field(default_factory=list)
     """Verify jobs that failed or timed out, each with its message."""
     stopped: bool = False
@@ -69,6 +71,8 @@ def run(plan: Plan, folder: Path, options: Options, listener: Listener) -> Outco
     """Measures what is missing. The folder must be locked by the caller. On `KeyboardInterrupt` all workers end."""
     if options.cluster is None:
         return _run(plan, folder, options, listener, None)
+    if any(cell.ray_set for cell in plan.cells):
+        raise ConfigError(f"--cluster {options.cluster}: rays are traced on this machine: run such cells without it")
     from harness.run.executors.dask import Cluster
 
     experiment = plan.experiment
@@ -84,8 +88,10 @@ def _run(plan: Plan, folder: Path, options: Options, listener: Listener, cluster
         sweep = Sweep(plan, folder, options, listener, events)
         sweep.record_plan()
         log = confined.inside(folder, LOG, str(folder))
-        with Pool(options.allow_imports, log, plan.experiment.limits.memory_bytes, plan.experiment.folder) as pool:
+        limit, code = plan.experiment.limits.memory_bytes, plan.experiment.folder
+        with Pool(options.allow_imports, log, limit, code) as pool, sweep.recorder.ray_sets:
             sweep.make_references(cluster or pool)
+            sweep.make_ray_sets()
             if cluster is None:
                 local.measure(sweep.recorder, pool)
             else:
@@ -100,7 +106,9 @@ class Sweep:
 
     def __init__(self, plan: Plan, folder: Path, options: Options, listener: Listener, events: store.Events) -> None:
         self.plan, self.options, self.listener = plan, options, listener
-        self.recorder = Recorder(plan, folder, listener, events, options.retry, options.fail_fast)
+        self.recorder = Recorder(
+            plan, folder, listener, events, options.retry, options.fail_fast, RaySets(options.allow_imports)
+        )
 
     # --- what is planned --------------------------------------------------------------------------------------------
 
@@ -175,8 +183,7 @@ class Sweep:
     def _revive(self) -> None:
         """Results that a changed plan had put aside count again when the plan has them again."""
         wanted = {cell.cell_id: cell for cell in self.plan.cells}
-        events = store.of_kind(self.recorder.history, records.Cell)
-        last = {event.cell_id: event for event in events if event.state != "outdated"}
+        last = store.latest_cells(event for event in self.recorder.history if getattr(event, "state", "") != "outdated")
         for cell_id, event in last.items():
             outdated = self.recorder.latest[cell_id].state == "outdated"
             if outdated and cell_id in wanted and up_to_date(wanted[cell_id], event, self.recorder.metric):
@@ -210,11 +217,20 @@ class Sweep:
                         self._make_reference(wanted, pool)
                     self._note_samples(wanted, made)
             except (WorkerFailed, WorkerTimeout) as error:
-                self.recorder.without_reference(reference_id, f"no reference: {error}")
+                self.recorder.without(reference_id, f"no reference: {error}")
                 continue
             if reference_id not in named and references.ready(wanted, self.recorder.root):
                 self.recorder.append(references.event(wanted, self.recorder.root))
             self._certify(wanted, pool)
+
+    def make_ray_sets(self) -> None:
+        """Makes the sets of rays that cells to be measured trace; a cell whose set cannot be made has failed."""
+        for wanted in dict.fromkeys(cell.ray_set for cell in self._cells() if cell.ray_set):
+            self.listener.note(f"{wanted.describe()}: exact answers are computed")
+            try:
+                self.recorder.ray_sets.of(wanted)
+            except RaybenchError as error:
+                self.recorder.without(wanted.ray_set_id, f"no rays: {error}")
 
     def _make_reference(self, wanted: PlannedReference, pool: references.Images) -> None:
         references.make(
@@ -274,7 +290,7 @@ class Sweep:
         """Resolves `auto` targets once: later results move none of them."""
         last = store.last_event(self.recorder.history, Targets)
         if self.plan.experiment.quality.targets is None and (last is None or last.metric != self.recorder.metric):
-            targets = automatic_targets(self.recorder.latest.values(), self.recorder.metric)
+            targets = automatic_targets(store.of_kind(self.recorder.latest.values(), records.Cell), self.recorder.metric)
             if targets:
                 self._append_targets(targets)
 

@@ -23,7 +23,7 @@ from engines.input_files import open_regular, unreadable
 from harness.check_results import CheckResult
 from harness.store import atomic, confined, validation
 from harness.store.json_files import read_json
-from harness.store.records import AnyEvent, Cell, Record, VerifyJob
+from harness.store.records import AnyCell, AnyEvent, Cell, RayCell, Record, VerifyJob
 
 EVENTS, COMPRESSED, MANIFEST = "events.jsonl", "events.jsonl.gz", "manifest.json"
 LARGEST = 2**31
@@ -160,7 +160,7 @@ def _parsed(line: bytes) -> dict[str, Any] | None:
 Kind = TypeVar("Kind", bound=Record)
 
 
-def of_kind(events: Iterable[AnyEvent], kind: type[Kind]) -> list[Kind]:
+def of_kind(events: Iterable[Record], kind: type[Kind]) -> list[Kind]:
     """The events of a kind, in order."""
     return [event for event in events if isinstance(event, kind)]
 
@@ -170,9 +170,9 @@ def last_event(events: Iterable[AnyEvent], kind: type[Kind]) -> Kind | None:
     return next(iter(of_kind(events, kind)[-1:]), None)
 
 
-def latest_cells(events: Iterable[AnyEvent]) -> dict[str, Cell]:
+def latest_cells(events: Iterable[AnyEvent]) -> dict[str, AnyCell]:
     """The current state of each cell: its last event. A cell measured again is there once, at its first place."""
-    return {event.cell_id: event for event in of_kind(events, Cell)}
+    return {event.cell_id: event for event in events if isinstance(event, (Cell, RayCell))}
 
 
 def latest_verify_jobs(events: Iterable[AnyEvent]) -> dict[str, VerifyJob]:

@@ -17,11 +17,22 @@ from harness import store
 from harness.hashing import digest
 from harness.store import atomic, reference_files
 from harness.store.events import line_of
-from harness.store.records import AnyEvent, Cell, Certificate, Environment, Manifest, Reference, Run, Targets, VerifyJob
+from harness.store.records import (
+    AnyCell,
+    AnyEvent,
+    Cell,
+    Certificate,
+    Environment,
+    Manifest,
+    Reference,
+    Run,
+    Targets,
+    VerifyJob,
+)
 from harness.store.results import Results, load_results
 from harness.store.validation import FORMAT_VERSION
 
-Owned = tuple[Results, Cell]
+Owned = tuple[Results, AnyCell]
 KEPT = (Run, Environment, Certificate, VerifyJob)
 
 
@@ -74,14 +85,14 @@ def _cells(sources: Sequence[Results]) -> dict[str, Owned]:
     """Every cell once, by its new id; of a cell that two folders have from one machine the younger."""
     found: dict[str, Owned] = {}
     for source in sources:
-        for cell in source.cells:
+        for cell in (*source.cells, *source.ray_cells):
             known = found.get(_new_id(cell))
             if known is None or cell.time > known[1].time:
                 found[_new_id(cell)] = source, cell
     return found
 
 
-def _new_id(cell: Cell) -> str:
+def _new_id(cell: AnyCell) -> str:
     return digest([cell.cell_id, cell.env_id])
 
 
@@ -115,8 +126,10 @@ def _preamble(sources: Sequence[Results], out: Path) -> list[AnyEvent]:
     return [*found.values(), Targets(metric=sources[0].metric, targets=targets), *known.values()]
 
 
-def _copied(source: Results, cell: Cell, out: Path) -> Cell:
+def _copied(source: Results, cell: AnyCell, out: Path) -> AnyCell:
     """The cell's event under its new id, its images copied."""
+    if not isinstance(cell, Cell):
+        return cell.replaced(cell_id=_new_id(cell), measured_as=cell.cell_id)
     points = []
     for point in cell.points:
         image = store.image_path(_new_id(cell), point.spp) if point.image else None

@@ -240,6 +240,20 @@ class Settings:
         return self.scene, self.engine, *choices, *rest
 
 
+@dataclasses.dataclass(frozen=True, slots=True)
+class RaySettings:
+    """As `Settings`, of a contestant that traces rays of a kind."""
+
+    scene: str
+    rays: str
+    engine: str
+    accelerator: Choice
+    precision: str | None
+    threads: int
+    label: str
+    machine: str
+
+
 class Point(Record):
     """A checkpoint. `seconds` and `rays` count from the start of the cell, or of the checkpoint's own render in a cell of
     `separate_renders`, where `sampler` says how its sampler was set. `film_variance`: what the spread of the film's own samples
@@ -291,9 +305,8 @@ class Machine(Record):
 
 
 class Measurement(Record):
-    """A cell's state and what was measured of it. Checkpoints rise in samples, and their seconds do not fall, unless each is
-    a render of its own. `attempt` 2 and up: measured again, because the one before was contended. `configuration` is the same
-    for cells that differ in seed and block alone, `raced` the shader of the reference where that is not the cell's own."""
+    """A cell's state, and what is said of it whether it renders or traces rays. `attempt` 2 and up: measured again, because the
+    one before was contended. `configuration` is the same for cells that differ in seed and block alone."""
 
     cell_id: Id
     configuration: str = ""
@@ -307,32 +320,38 @@ class Measurement(Record):
     scene: Text
     scene_hash: Id
     primitives: Count = 0
-    smooth_sampler: bool = False
-    reproducible: bool = False
     division: Literal["closed", "open"] = "closed"
-    raced: Setting | None = None
     engine: str
     engine_version: str = ""
-    shader: Setting
-    sampler: Setting
     accelerator: Setting
-    precision: str
     threads: Threads
-    width: Pixels
-    height: Pixels
-    reference_id: Id | None
     spec: dict[str, Any] = {}
-    separate_renders: bool = False
     command: Text = ""
     time: str = ""
     phases: Phases = Phases()
-    points: tuple[Point, ...] = ()
     counters: Numbers = {}
     machine: Machine = Machine()
     attempt: Annotated[int, Field(ge=1, le=1000)] = 1
     wall_seconds: Seconds | None = None
     worker: str | None = None
     measured_as: Id | None = None
+
+
+class Rendered(Measurement):
+    """A cell that renders. Checkpoints rise in samples, and their seconds do not fall, unless each is a render of its own.
+    `raced` is the shader of the reference where that is not the cell's own."""
+
+    smooth_sampler: bool = False
+    reproducible: bool = False
+    raced: Setting | None = None
+    shader: Setting
+    sampler: Setting
+    precision: str
+    width: Pixels
+    height: Pixels
+    reference_id: Id | None
+    separate_renders: bool = False
+    points: tuple[Point, ...] = ()
 
     @model_validator(mode="after")
     def _rising(self) -> Self:
@@ -366,22 +385,79 @@ class Measurement(Record):
         return self.points[-1]
 
 
-class Cell(Measurement):
+class Cell(Rendered):
     """The measurement of a cell that counts: the last of these events."""
 
     event: Literal["cell"] = "cell"
 
 
-class Attempt(Measurement):
+class Attempt(Rendered):
     """A measurement of a cell that does not count: it was contended, or failed, where the cell had been measured before."""
 
     event: Literal["attempt"] = "attempt"
 
-    @classmethod
-    def of(cls, cell: Cell) -> Attempt:
-        """The same measurement, which does not count."""
-        kept = {name: getattr(cell, name) for name in cell.model_fields_set}
-        return cls(**{**kept, "event": "attempt"})
+
+class Answers(Record):
+    """What was wrong with the answers to `checked` rays and to `hard` ones, and quantiles of the relative error of t.
+
+    `sha256` is that of all answers. `wrong`: hits of another surface or at another distance. `missed`: misses where something
+    is hit. `false_hits`: hits where nothing is.
+    """
+
+    sha256: str
+    checked: Count
+    wrong: Count
+    missed: Count
+    false_hits: Count
+    hard: Count
+    leaks: Count
+    t_median: float | None = None
+    t_p999: float | None = None
+    t_worst: float | None = None
+
+    @property
+    def faults(self) -> int:
+        """Answers that are wrong in any way."""
+        return self.wrong + self.missed + self.false_hits
+
+
+class Traced(Measurement):
+    """A cell that traces a set of `count` rays of a kind: `passes` times in `seconds` of timed calls."""
+
+    precision: str | None
+    rays: str
+    ray_set_id: Id
+    count: Count
+    passes: Count = 0
+    seconds: Seconds = 0.0
+    answers: Answers | None = None
+
+    @property
+    def settings(self) -> RaySettings:
+        """The settings of its contestant."""
+        own = self.engine, self.accelerator, self.precision, self.threads
+        return RaySettings(self.scene, self.rays, *own, self.label or "", self.env_id[:8])
+
+
+class RayCell(Traced):
+    """As `Cell`, of a cell that traces rays."""
+
+    event: Literal["ray_cell"] = "ray_cell"
+
+
+class RayAttempt(Traced):
+    """As `Attempt`, of a cell that traces rays."""
+
+    event: Literal["ray_attempt"] = "ray_attempt"
+
+
+AnyCell = Cell | RayCell
+
+
+def attempt_of(cell: AnyCell) -> Attempt | RayAttempt:
+    """The same measurement, which does not count."""
+    kept = {name: getattr(cell, name) for name in cell.model_fields_set - {"event"}}
+    return RayAttempt(**kept) if isinstance(cell, RayCell) else Attempt(**kept)
 
 
 class Start(Record):
@@ -456,7 +532,19 @@ class Calibration(Record):
 
 
 AnyEvent = (
-    Run | Environment | Targets | Reference | Certificate | Start | Cell | Attempt | ArchivedVerdicts | Calibration | VerifyJob
+    Run
+    | Environment
+    | Targets
+    | Reference
+    | Certificate
+    | Start
+    | Cell
+    | Attempt
+    | RayCell
+    | RayAttempt
+    | ArchivedVerdicts
+    | Calibration
+    | VerifyJob
 )
 Event = Annotated[AnyEvent, Field(discriminator="event")]
 

@@ -32,7 +32,9 @@ from harness.store.records import (
     Certificate,
     Environment,
     Manifest,
+    Measurement,
     Point,
+    RayCell,
     Run,
     Settings,
     Targets,
@@ -79,7 +81,8 @@ class Results:
 
     `environments` are the events that hold the preimages of environment ids, `certificates` those of reference ids,
     `check_results` those of verify jobs, `archived_verdicts` what was concluded from images that an archive lacks,
-    `calibration` the figures of the run that an archive is a copy of.
+    `calibration` the figures of the run that an archive is a copy of. `cells` and `contestants` are those that render,
+    `ray_cells` those that trace rays.
     """
 
     folder: Path
@@ -95,6 +98,7 @@ class Results:
     check_results: list[CheckResult] = field(default_factory=list)
     archived_verdicts: ArchivedVerdicts | None = None
     calibration: Calibration | None = None
+    ray_cells: list[RayCell] = field(default_factory=list)
     contestants: list[Contestant] = field(default_factory=list)
 
     @property
@@ -167,11 +171,12 @@ def results_of(folder: Path, manifest: Manifest, events: Sequence[AnyEvent]) -> 
     quality = config.quality
     metric = targets.metric if targets else quality.name
     goals = targets.targets if targets else (manifest.config and quality.targets) or ()  # without a config none were asked for
+    cells = [cell for cell in latest_cells(events).values() if cell.state != "outdated"]
     results = Results(
         folder,
         manifest,
         config,
-        [cell for cell in latest_cells(events).values() if cell.state != "outdated"],
+        of_kind(cells, Cell),
         {event.reference_id: event for event in of_kind(events, records.Reference)},
         metric,
         sorted((goal for goal in goals if not isinstance(goal, str)), reverse=not higher_is_better(metric)),
@@ -181,18 +186,19 @@ def results_of(folder: Path, manifest: Manifest, events: Sequence[AnyEvent]) -> 
         check_results(events, manifest.verify_job_ids),
         last_event(events, ArchivedVerdicts),
         last_event(events, Calibration),
+        of_kind(cells, RayCell),
     )
     results.contestants = _contestants(results.cells, list(dict.fromkeys(each.scene.name for each in config.combinations)))
     return results
 
 
-def phase_seconds(cell: Cell, phase: str) -> float:
+def phase_seconds(cell: Measurement, phase: str) -> float:
     """Seconds of a phase, one of `PHASES`; 0 where it was not recorded."""
     value: float | None = getattr(cell.phases, f"{phase}_seconds")
     return value if value is not None and math.isfinite(value) else 0.0
 
 
-def fixed_seconds(cell: Cell) -> float:
+def fixed_seconds(cell: Measurement) -> float:
     """Import, scene load, build and compilation: what a cold start pays before its first ray."""
     return sum(phase_seconds(cell, phase) for phase in PHASES[:-1])
 

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.errors import ConfigError, Unsupported
+from engines.errors import Unsupported
 from engines.scene import (
     Cylinder,
     DirectionalLight,
@@ -35,10 +35,10 @@ from engines.scene import (
     ThinLens,
     Triangle,
 )
+from harness.config.settings import RAY_KINDS
 from harness.trace.truth import Truth, unit
 
 Array = NDArray[np.float64]
-KINDS = ("camera", "shadow", "incoherent")
 EPSILON = 256 * 2.0**-23
 """By how much an origin is off the surface, and a shadow ray's end off its light: as in docs/transport.md for float32."""
 PATHS = 10_000
@@ -57,9 +57,20 @@ class Rays(NamedTuple):
         return Rays(self.origins[index], self.directions[index], self.t_max[index])
 
 
+def why_not(kind: str, scene: Scene) -> str | None:
+    """Why a scene has no such rays, as far as its camera and its lights say it, or None."""
+    if not isinstance(scene.camera, Perspective | ThinLens | Orthographic):
+        return f"rays start from perspective, thin-lens and orthographic cameras: this is {type(scene.camera).__name__}"
+    if kind == "shadow" and not _makers(scene):
+        return f"{scene.name} has no light that shadow rays could go to"
+    return None
+
+
 def make_rays(kind: str, scene: Scene, truth: Truth, count: int, bounces: int, seed: int) -> Rays:
-    """`count` rays of one of `KINDS`. Raises `ConfigError` where a scene has no such rays, `Unsupported` for its camera."""
-    rng = np.random.default_rng([seed, KINDS.index(kind)])
+    """`count` rays of one of `RAY_KINDS`. Raises `Unsupported` where a scene has none."""
+    if reason := why_not(kind, scene):
+        raise Unsupported(reason)
+    rng = np.random.default_rng([seed, RAY_KINDS.index(kind)])
     if kind == "camera":
         return camera_rays(scene, count, rng)
     points, normals = _surface_points(scene, truth, min(count, PATHS), 1 if kind == "shadow" else bounces, rng)
@@ -75,8 +86,7 @@ def make_rays(kind: str, scene: Scene, truth: Truth, count: int, bounces: int, s
 def camera_rays(scene: Scene, count: int, rng: np.random.Generator) -> Rays:
     """Rays through a random place of each pixel of an image with about `count` pixels; a thin lens counts as its pinhole."""
     camera = scene.camera
-    if not isinstance(camera, Perspective | ThinLens | Orthographic):
-        raise Unsupported(f"trace takes perspective, thin-lens and orthographic cameras: this is {type(camera).__name__}")
+    assert isinstance(camera, Perspective | ThinLens | Orthographic)
     aspect = camera.resolution[0] / camera.resolution[1]
     width = max(1, round(math.sqrt(count * aspect)))
     height = -(-count // width)
@@ -122,7 +132,7 @@ def _surface_points(scene: Scene, truth: Truth, count: int, bounces: int, rng: n
         ways = _scattered(facing, rng)
         rays = _rounded(Rays(_off(points[-1], facing, truth), ways, np.full(len(found), np.inf)))
     if not points:
-        raise ConfigError(f"{scene.name}: no ray of the camera hits anything: rays 'camera' is all that there is")
+        raise Unsupported(f"{scene.name}: no ray of the camera hits anything: there are rays of the kind camera alone")
     return np.concatenate(points), np.concatenate(normals)
 
 
@@ -147,10 +157,7 @@ def _rounded(rays: Rays) -> Rays:
 
 def _shadow_rays(scene: Scene, truth: Truth, points: Array, normals: Array, rng: np.random.Generator) -> Rays:
     """A ray from each point to a random light: each as likely as another, points by area, skies by the cosine rule."""
-    emitters = [*scene.lights, *(shape for shape in scene.shapes if _emits(scene, shape))]
-    makers = [maker for each in emitters if (maker := _maker(each)) is not None]
-    if not makers:
-        raise ConfigError(f"{scene.name}: has no light that shadow rays could go to: the set 'shadow' cannot be made")
+    makers = _makers(scene)
     which, count = rng.integers(len(makers), size=len(points)), len(points)
     targets, directions, distant = np.zeros((count, 3)), np.zeros((count, 3)), np.zeros(count, bool)
     for number, maker in enumerate(makers):
@@ -164,6 +171,12 @@ def _shadow_rays(scene: Scene, truth: Truth, points: Array, normals: Array, rng:
     directions = np.where(distant[:, None], directions, targets - origins)
     t_max = np.where(distant, np.inf, 1.0 - EPSILON * (1.0 + truth.largest / _lengths(directions)))
     return _rounded(Rays(origins, directions, np.maximum(t_max, 0.5)))
+
+
+def _makers(scene: Scene) -> list[_Maker]:
+    """One for each light that rays can go to."""
+    emitters = [*scene.lights, *(shape for shape in scene.shapes if _emits(scene, shape))]
+    return [maker for each in emitters if (maker := _maker(each)) is not None]
 
 
 def _lengths(vectors: Array) -> Array:
@@ -243,7 +256,7 @@ def hard_rays(truth: Truth, count: int, seed: int) -> Rays:
     All the triangles there face the ray, so that none may pass: each has a hit at t <= 1 + `DEEPER`, its `t_max`. There are
     none where no triangles share edges. As in Woop, Benthin and Wald 2013, *Watertight ray/triangle intersection*.
     """
-    rng = np.random.default_rng([seed, len(KINDS)])
+    rng = np.random.default_rng([seed, len(RAY_KINDS)])
     found: list[Rays] = []
     corners, faces = _merged(truth)
     normals = np.cross(corners[faces[:, 1]] - corners[faces[:, 0]], corners[faces[:, 2]] - corners[faces[:, 0]])

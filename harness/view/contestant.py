@@ -18,7 +18,7 @@ from harness.measure.schedule import Schedule, checkpoints
 from harness.metrics import as_error
 from harness.plan.cells import WARM_UP_SEED, Cell
 from harness.run.recorder import CellRecord, Recorder
-from harness.settings import engine_settings
+from harness.settings import CellSettings, engine_settings
 from harness.statistics import crossing_seconds
 from harness.statistics.convergence import CLEAR_ERRORS
 from harness.store.results import curve_of, point_error
@@ -43,13 +43,14 @@ class Contestant:
         start = perf_counter()
         scene = self.cell.scene.load(self._allow_imports)
         load = perf_counter() - start
-        engine, seed = engine_of(self.cell.engine), self.cell.seed
-        warm = engine_settings(self.cell.settings, seed + WARM_UP_SEED, self._allow_imports)
+        engine, seed, chosen = engine_of(self.cell.engine), self.cell.seed, self.cell.settings
+        assert isinstance(chosen, CellSettings)
+        warm = engine_settings(chosen, seed + WARM_UP_SEED, self._allow_imports)
         self.renderer, build, compilation = clock.prepare(engine, scene, warm)
         self._seconds_per_sample = clock.one_sample(self.renderer)
         self._record.follow([WorkerMessage(Prepared(load, build, compilation))])
         self.phases = {"build": build, "compile": compilation}
-        settings = engine_settings(self.cell.settings, seed, self._allow_imports)
+        settings = engine_settings(chosen, seed, self._allow_imports)
         self.renderer = clock.prepare(engine, scene, settings)[0]
         self._start = perf_counter()
         self._rays_before = clock.counters(self.renderer).get("rays", 0.0)

@@ -5,14 +5,12 @@ and `configs/` (and, where the page names it, a copy of `results/baseline`); all
 
     ```python                         runs
     ```python my_shader.py            becomes that file, before anything runs; import it, or name it `my_shader:Shader`
-    ```yaml box.yaml                  becomes that file, and must load: as a scene, an experiment, a comparison by rays or a
-                                      renderer's file
+    ```yaml box.yaml                  becomes that file, and must load: as a scene, an experiment or a renderer's file
     ```xml box.xml                    becomes that file
     ```yaml scene                     a piece of a scene: keys that a scene needs and the piece lacks are filled in,
                                       and a material `grey`
     ```yaml experiment                a piece of an experiment, likewise
-    ```yaml                           whole: must load by its `raybench_scene`, `raybench_experiment`, `raybench_trace` or
-                                      `raybench_renderer`
+    ```yaml                           whole: must load by its `raybench_scene`, `raybench_experiment` or `raybench_renderer`
     ```console                        lines that start with `$ ` run in a shell and must exit with 0; a line that ends with
                                       a backslash goes on, two spaces and # start a comment
     ```console exit 1                 ... must exit with 1

@@ -95,7 +95,6 @@ def read(block: Block, here: str) -> None:
     import engines
     from engines.peers.external.description import read as read_renderer
     from harness import config
-    from harness.trace.experiment import load_trace
 
     given = yaml.safe_load(block.body)
     base = {("scene",): SCENE, ("experiment",): EXPERIMENT}.get(block.words, {})
@@ -110,8 +109,6 @@ def read(block: Block, here: str) -> None:
         engines.load_scene(file, allow_imports=True)
     elif "raybench_experiment" in whole:
         config.load(file)
-    elif "raybench_trace" in whole:
-        load_trace(file)
     elif "raybench_renderer" in whole:
         read_renderer(file)
     else:

@@ -22,7 +22,7 @@ from harness.settings import CellSettings
 from harness.store import reference_files
 
 REPLICATES = 6
-SETTINGS = CellSettings(Choice("albedo", {}), Choice("random", {}), Choice("auto", {}), "float64", 1, 24, 16)
+SETTINGS = CellSettings(Choice("auto", {}), "float64", 1, Choice("albedo", {}), Choice("random", {}), 24, 16)
 
 
 def wanted(number: int, replicates: int = REPLICATES) -> references.PlannedReference:

@@ -53,7 +53,7 @@ def test_the_shell_completes_commands_and_the_names_of_scenes():
 
     assert completed("raybench pla").split() == ["plan"]
     assert "cornell_box" in completed("raybench render corn").split()
-    assert completed("raybench schema tr").split() == ["trace"]
+    assert completed("raybench schema sc").split() == ["scene"]
     assert completed("raybench export cornell_box --to p").split() == ["pbrt"]
     assert completed("raybench equivalence cornell_box --engines numpy,numb").split() == ["numpy,numba"]
     assert completed("raybench equivalence cornell_box --shader path").split() == ["path_tracer"]

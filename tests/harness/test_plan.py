@@ -16,13 +16,11 @@ from engines.peers.external import Engine as Program
 from engines.peers.mitsuba import Engine as MitsubaEngine
 from engines.schema.yaml_file import parse_yaml
 from harness import config
-from harness.config import read_file
 from harness.config.paths import shipped
 from harness.hashing import canonical_json, digest
 from harness.plan import answers, planner, state
 from harness.store import records
 from harness.store.records import Point
-from harness.trace.experiment import TRACE
 from tests import needs
 from tests.harness import fake_engines, sweeping
 
@@ -314,7 +312,7 @@ def test_the_preimage_of_an_id_is_plain_data_and_complete(tmp_path):
         assert {"scene", "engine", "engine_version", "shader", "seed", "width", "schema"} <= set(cell.spec)
 
 
-@pytest.mark.parametrize("name", sorted(name for name, path in shipped("configs").items() if not read_file(path).says(TRACE)))
+@pytest.mark.parametrize("name", sorted(shipped("configs")))
 def test_every_shipped_experiment_can_be_planned_and_says_its_question(name, monkeypatch, tmp_path):
     (tmp_path / "other").symlink_to(sys.prefix)
     monkeypatch.setenv("RAYBENCH_OTHER", str(tmp_path / "other"))

@@ -1,51 +1,69 @@
-"""`raybench trace`: planted faults are counted to the last ray, bad input is one line, results can be read again."""
+"""Cells that trace rays, and `raybench trace`: planted faults are counted to the last ray, and rays are cells as others are."""
 
 import json
 import shutil
+from statistics import geometric_mean
 
-import jsonschema
 import numpy as np
 import pytest
 
 from engines.errors import ConfigError
 from engines.scene import load_scene
-from engines.schema.yaml_file import parse_yaml
-from harness.analysis.tracing import trace_table
-from harness.config import paths, read_file
-from harness.run.trace import run
-from harness.trace.experiment import TRACE, load_trace, trace_of, trace_schema
+from harness import config, store
+from harness.analysis.rays import ray_races
+from harness.config import paths
+from harness.plan import planner
+from harness.report import write_derived
+from harness.report.archive import archive
+from harness.report.tables.rays import rays as rays_table
+from harness.run import sweep
+from harness.statistics import race
+from harness.store.merge import merge
+from harness.store.records import RayAttempt, RayCell, attempt_of
+from harness.store.results import load_results
 from harness.trace.rays import hard_rays, make_rays
-from harness.trace.records import read_trace
 from harness.trace.truth import Truth
+from tests.harness import sweeping
 from tests.harness.faulty_tracers import EVERY
 from tests.harness.sweeping import raybench
 
 COUNT, HARD = 400, 100
 GRAZING = 0.03
-SMALL = {
-    "scene": "cornell_box",
-    "rays": ["camera", "shadow"],
-    "count": COUNT,
-    "checked": COUNT,
-    "hard": HARD,
-    "repeats": 1,
-    "max_time": "1ms",
-}
+EXPERIMENT = f"""\
+raybench_experiment: 1
+name: small
+scene: cornell_box
+matrix:
+  rays: [camera, shadow]
+  engine: [numpy]
+ray_sets: {{count: {COUNT}, checked: {COUNT}, hard: {HARD}}}
+budget: {{max_time: 1ms}}
+repeats: 1
+remeasure: 0
+"""
 
 
 def options(**given):
     return [word for key, value in given.items() for word in (f"--{key.replace('_', '-')}", str(value))]
 
 
+def engines(*names):
+    return f"matrix.engine=[{', '.join(['numpy', *(f'faulty_tracers:{name}' for name in names)])}]"
+
+
+def run(folder, overrides=(), text=EXPERIMENT):
+    """The results of an experiment, and what the run said."""
+    outcome, listener = sweeping.run(sweeping.write(folder, text), folder / "out", overrides)
+    return load_results(folder / "out"), outcome, listener
+
+
 @pytest.fixture(scope="module")
 def measured(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("trace")
-    names = ["numpy", *(f"faulty_tracers:{name}" for name in ("Drops", "Misnames", "Crashes", "Short"))]
-    return run(trace_of({**SMALL, "engine": names}), folder, lambda text: None, allow_imports=True)
+    return run(tmp_path_factory.mktemp("rays"), [engines("Drops", "Misnames", "Crashes", "Short")])[0]
 
 
-def entry(results, engine, kind):
-    return next(each for each in results.entries if (each.engine, each.rays) == (engine, kind))
+def cell(results, engine, kind):
+    return next(each for each in results.ray_cells if (each.engine, each.rays) == (engine, kind))
 
 
 @pytest.fixture(scope="module")
@@ -63,38 +81,40 @@ def exact():
 
 def test_an_engine_without_faults_has_none(measured):
     for kind in ("camera", "shadow"):
-        answers = entry(measured, "numpy", kind).answers
+        answers = cell(measured, "numpy", kind).answers
         assert (answers.checked, answers.faults, answers.hard, answers.leaks) == (COUNT, 0, HARD, 0)
 
 
 def test_dropped_hits_are_counted_as_misses_and_leaks(measured, exact):
     for kind in ("camera", "shadow"):
-        answers = entry(measured, "drops", kind).answers
+        answers = cell(measured, "drops", kind).answers
         assert (answers.wrong, answers.missed, answers.false_hits) == (0, exact[kind][::EVERY].sum(), 0)
         assert answers.leaks == HARD // EVERY
 
 
 def test_hits_of_another_primitive_are_wrong_and_darkness_where_nothing_is_is_a_false_hit(measured, exact):
-    answers = entry(measured, "misnames", "camera").answers
+    answers = cell(measured, "misnames", "camera").answers
     assert (answers.wrong, answers.missed, answers.false_hits) == (exact["camera"][::EVERY].sum(), 0, 0)
     assert answers.wrong > 10
-    answers = entry(measured, "misnames", "shadow").answers
+    answers = cell(measured, "misnames", "shadow").answers
     assert (answers.wrong, answers.missed, answers.false_hits) == (0, 0, (~exact["shadow"] & exact["steep"])[::EVERY].sum())
     assert answers.false_hits > 10
 
 
 def test_an_engine_that_fails_has_a_line_and_no_rate(measured):
-    crashed, short = (entry(measured, name, "camera") for name in ("crashes", "short"))
-    assert (crashed.state, crashed.message, crashed.timings) == ("failed", "ValueError: no such ray", [])
+    crashed, short = (cell(measured, name, "camera") for name in ("crashes", "short"))
+    assert (crashed.state, crashed.message, crashed.passes) == ("failed", "ValueError: no such ray", 0)
     assert short.state == "failed" and "have t of shape (399,)" in short.message
-    assert entry(measured, "crashes", "shadow").state == "done"
+    assert cell(measured, "crashes", "shadow").state == "done"
+    rows = {(row["engine"], row["rays"]): row for row in rays_table(measured).rows}
+    assert rows["crashes", "camera"]["state"] == "failed" and "mrays_per_second" not in rows["crashes", "camera"]
 
 
 def test_rates_are_rays_over_seconds_and_ratios_those_of_the_baseline(measured):
-    rows = {(row["engine"], row["rays"]): row for row in trace_table(measured).rows}
+    rows = {(row["engine"], row["rays"]): row for row in rays_table(measured).rows}
     base, other = rows["numpy", "camera"], rows["drops", "camera"]
-    timing = entry(measured, "drops", "camera").timings[0]
-    assert other["mrays_per_second"].value == pytest.approx(1e-6 * COUNT * timing.passes / timing.seconds)
+    event = cell(measured, "drops", "camera")
+    assert other["mrays_per_second"].value == pytest.approx(1e-6 * COUNT * event.passes / event.seconds)
     assert base["verdict"] == "baseline"
     assert other["ratio"].value == pytest.approx(other["mrays_per_second"].value / base["mrays_per_second"].value)
     assert other["verdict"] == "unresolved", "one block decides nothing"
@@ -103,7 +123,104 @@ def test_rates_are_rays_over_seconds_and_ratios_those_of_the_baseline(measured):
     assert base["error_rate"].high == pytest.approx(1 - 0.05 ** (1 / COUNT))
 
 
-def test_the_command_writes_results_that_report_reads_again(tmp_path, with_plots):
+def test_ratios_are_those_of_a_race_in_seconds_a_pass(measured):
+    results = load_results(measured.folder)
+    base, other = (cell(measured, name, "camera") for name in ("numpy", "drops"))
+    rng = np.random.default_rng(1)
+    seconds = np.exp(rng.normal([[0.0], [0.5]], 0.05, (2, 5)))
+    results.ray_cells = [
+        each.replaced(cell_id=f"{row}{block}", block=block, passes=2 + block, seconds=(2 + block) * seconds[row, block])
+        for row, each in enumerate((base, other))
+        for block in range(5)
+    ]
+    ((first, second),) = ray_races(results)
+    assert first.baseline and first.settings.engine == "numpy" and first.ratio is None
+    expected = race(np.log(seconds), np.log(seconds), [(1, 0)], float("nan")).ratios[0]
+    assert second.ratio[:3] == pytest.approx(expected[:3])
+    assert geometric_mean(second.rates()) == pytest.approx(1e-6 * COUNT / geometric_mean(seconds[1]))
+
+
+def test_the_baseline_of_each_race_has_a_twin_and_blocks_trace_the_same_rays(tmp_path):
+    results, outcome, _ = run(tmp_path, [engines("Drops"), "repeats=3", "seed=5"])
+    assert outcome.states == {"done": 18}
+    for group in ray_races(results):
+        assert [(one.settings.engine, one.settings.label) for one in group] == [("numpy", ""), ("numpy", "A/A"), ("drops", "")]
+        assert [len(one.done) for one in group] == [3, 3, 3] and not any(one.unstable for one in group)
+        assert len({each.ray_set_id for one in group for each in one.cells}) == 1
+    assert len({each.order for each in results.ray_cells}) == 18
+
+
+def test_answers_that_differ_between_blocks_are_said(measured):
+    results = load_results(measured.folder)
+    first = cell(measured, "numpy", "camera")
+    other = first.replaced(cell_id="other", block=1, answers=first.answers.replaced(sha256="another"))
+    results.ray_cells = [first, other]
+    assert [row["unstable"] for row in rays_table(results).rows] == [True]
+
+
+def test_a_run_goes_on_and_other_sizes_are_measured_anew(tmp_path):
+    _, outcome, listener = run(tmp_path)
+    assert outcome.measured == 2 and sum("exact answers" in note for note in listener.notes) == 2
+    _, outcome, listener = run(tmp_path)
+    assert outcome.measured == 0 and not any("exact answers" in note for note in listener.notes)
+    results, outcome, _ = run(tmp_path, ["ray_sets.count=200", "ray_sets.batch=64"])
+    assert outcome.measured == 2 and {each.count for each in results.ray_cells} == {200}
+
+
+def test_rays_and_images_stand_in_one_experiment(tmp_path):
+    engines = "engine: ['fake_engines:Steady', 'fake_engines:Other']"
+    text = sweeping.EXPERIMENT.replace(engines, "engine: [numpy], sampler: [random, sobol], rays: [null, camera]")
+    results, outcome, _ = run(tmp_path, text=text + "ray_sets: {count: 50, hard: 0}\n")
+    assert outcome.states == {"done": 6} and len(results.contestants) == 2, "two samplers in two blocks, and rays once in each"
+    assert [(each.rays, each.scene) for each in results.ray_cells] == [("camera", "ball")] * 2
+    report = write_derived(results.folder).read_text()
+    assert "Rays per second and wrong answers" in report and "Do the engines make the same image?" in report
+    assert not planner.make(config.load(sweeping.write(tmp_path / "only", EXPERIMENT))).references, "rays need none"
+
+
+def test_what_cannot_be_traced_is_skipped_with_its_reason_and_what_cannot_be_made_has_failed(tmp_path):
+    light = "raybench_scene: 1\ncamera: {type: perspective, eye: [0, 0, 5], target: [0, 0, 9]}\nmaterials: {m: {kd: 0.5}}\n"
+    sweeping.write(tmp_path)
+    (tmp_path / "dark.yaml").write_text(light + "shapes: [{sphere: {center: [0, 0, 0], radius: 1}, material: m}]\n")
+    more = ["scene=dark.yaml", "matrix.rays=[camera, shadow, incoherent]", "matrix.accelerator=[auto, bvh]"]
+    results, _, listener = run(tmp_path, more, EXPERIMENT.replace("[numpy]", "[numpy, embree]"))
+    of = {(each.engine, each.rays, each.accelerator.name): each for each in results.ray_cells}
+    assert of["numpy", "camera", "auto"].state == "done"
+    assert "has no light that shadow rays could go to" in of["numpy", "shadow", "auto"].message
+    assert of["numpy", "shadow", "auto"].state == of["embree", "camera", "bvh"].state == "skipped"
+    assert "has no accelerator bvh" in of["embree", "camera", "bvh"].message
+    assert of["numpy", "incoherent", "auto"].state == "failed"
+    assert "no ray of the camera hits anything" in of["numpy", "incoherent", "auto"].message
+    assert any("embree" in note and "skipped" in note for note in listener.notes)
+
+
+def test_rays_are_not_traced_by_a_cluster(tmp_path):
+    plan = planner.make(config.load(sweeping.write(tmp_path, EXPERIMENT)))
+    with pytest.raises(ConfigError, match="--cluster tcp://x:1: rays are traced on this machine"):
+        sweep.run(plan, tmp_path / "out", sweep.Options(cluster="tcp://x:1"), sweeping.Quiet())
+
+
+def test_archives_and_merged_folders_keep_rays(measured, tmp_path):
+    archive(measured.folder, tmp_path / "archive")
+    kept = load_results(tmp_path / "archive")
+    assert {each.cell_id for each in kept.ray_cells} == {each.cell_id for each in measured.ray_cells}
+    assert cell(kept, "drops", "camera").answers == cell(measured, "drops", "camera").answers
+    merge([measured.folder], tmp_path / "merged")
+    merged = load_results(tmp_path / "merged")
+    assert [row["missed"] for row in rays_table(merged).rows if row["engine"] == "drops"] == [
+        row["missed"] for row in rays_table(measured).rows if row["engine"] == "drops"
+    ]
+    assert {each.measured_as for each in merged.ray_cells} == {each.cell_id for each in measured.ray_cells}
+
+
+def test_a_measurement_that_does_not_count_is_an_attempt(measured):
+    event = cell(measured, "numpy", "camera")
+    found = attempt_of(event)
+    assert isinstance(found, RayAttempt) and (found.passes, found.answers) == (event.passes, event.answers)
+    assert isinstance(store.read_events(measured.folder)[-1], RayCell)
+
+
+def test_the_command_is_an_experiment_that_report_reads_again(tmp_path, with_plots):
     words = [
         "cornell_box",
         *options(
@@ -112,17 +229,25 @@ def test_the_command_writes_results_that_report_reads_again(tmp_path, with_plots
     ]
     done = raybench("trace", *words, "--json")
     assert done.returncode == 0, done.stderr
-    printed, written = json.loads(done.stdout), read_trace(tmp_path / "out" / "trace.json")
-    assert printed == written.model_dump(mode="json")
-    assert [each.twin for each in written.entries] == [False, True]
-    assert [len(each.timings) for each in written.entries] == [3, 3] and not any(each.unstable for each in written.entries)
+    rows = json.loads(done.stdout)
+    assert [(row["engine"], row["blocks"], row["checked"]) for row in rows] == [("numpy", 3, 300), ("numpy (twin)", 3, 300)]
+    assert [row["unstable"] for row in rows] == [False, False] and rows[0]["mrays_per_second_low"] > 0
+    assert "9 passes" not in (again := raybench("trace", *words)).stderr and again.returncode == 0
+    assert "cornell_box, 36 primitives: incoherent rays, 1 thread; 300 rays checked, 50 hard rays" in again.stdout
     shutil.rmtree(tmp_path / "out" / "plots")
     (tmp_path / "out" / "report.html").unlink()
     done = raybench("report", tmp_path / "out")
     assert done.returncode == 0, done.stderr
-    assert list((tmp_path / "out" / "plots").glob("*.svg"))
-    assert "0 (below" not in (tmp_path / "out" / "tables" / "trace.csv").read_text()
-    assert "Rays per second and wrong answers" in (tmp_path / "out" / "report.html").read_text()
+    assert list((tmp_path / "out" / "plots").glob("rays-against-errors-*.svg"))
+    assert "0 (below" not in (tmp_path / "out" / "tables" / "rays.csv").read_text()
+    report = (tmp_path / "out" / "report.html").read_text()
+    assert "Rays per second and wrong answers" in report and "Do the engines make the same image?" not in report
+    assert "raybench trace cornell_box --engine numpy --accelerator auto --threads 1 --rays incoherent" in report
+
+
+def test_a_command_that_all_engines_decline_exits_with_2(tmp_path):
+    done = raybench("trace", "cornell_box", *options(engine="numpy", precision="float32", out=tmp_path / "out", repeats=1))
+    assert done.returncode == 2 and "numpy is skipped: " in done.stderr and "skipped" in done.stdout
 
 
 @pytest.mark.parametrize(
@@ -132,13 +257,13 @@ def test_the_command_writes_results_that_report_reads_again(tmp_path, with_plots
         (["cornell_box", "--rays", "diffuse"], "rays[0] = 'diffuse': must be one of camera, shadow, incoherent"),
         (["cornell_box", "--engine", "numbe"], "unknown engine: did you mean 'numba'?"),
         (["cornell_box", "--engine", "my:engine"], "run with --allow-imports if you trust it"),
-        (["cornell_box", "--engine", "numpy", "--accelerator", "octree"], "accelerator 'octree': none of the engines has it"),
+        (["cornell_box", "--engine", "numpy", "--accelerator", "octree"], "unknown accelerator"),
         (["cornell_box", "--count", "3"], "count = 3: must be an integer in [16,"),
         (["cornell_box", "--repeats", "0"], "repeats = 0: must be an integer in [1,"),
         (["cornell_box", "--max-time", "2"], "max_time = '2': must be a time with its unit"),
         (["cornell_box", "--precision", "half"], "precision[0] = 'half': must be one of float64, float32"),
-        (["cornell_box", "--baseline", "embreee"], "baseline = 'embreee': must be one of the engines"),
-        (["furnace", "--engine", "numpy", "--rays", "shadow", "--out", "{file}"], "name a folder that can be written to"),
+        (["cornell_box", "--baseline", "embreee"], "baseline = 'embreee': no engine of this experiment"),
+        (["furnace", "--engine", "numpy", "--rays", "shadow", "--out", "{file}"], "below: cannot be written: Not a directory"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(tmp_path, arguments, message):
@@ -150,40 +275,33 @@ def test_bad_input_is_one_line_and_exit_code_2(tmp_path, arguments, message):
 
 
 def test_a_file_is_refused_where_it_is_wrong(tmp_path):
-    for text, message in (
-        ("rayz: camera", "unknown key: did you mean 'rays'?"),
-        ("scene: []", "a list of at least 1 is expected"),
-        ("batch: 0", "must be an integer in [1,"),
+    for override, message in (
+        ("matrix.rayz=[camera]", "unknown key: did you mean 'rays'?"),
+        ("matrix.rays=[diffuse]", "must be one of camera, shadow, incoherent"),
+        ("ray_sets.batch=0", "must be an integer in [1,"),
+        ("exclude=[{rays: {ge: 2}}]", "bounds are for numbers"),
     ):
-        path = tmp_path / "wrong.yaml"
-        first = "" if text.startswith("scene") else "scene: cornell_box\n"
-        path.write_text(f"raybench_trace: 1\n{first}{text}\n")
-        with pytest.raises(ConfigError, match=r"wrong.yaml:\d") as caught:
-            load_trace(path)
+        with pytest.raises(ConfigError) as caught:
+            config.load(sweeping.write(tmp_path, EXPERIMENT), [override])
         assert message in str(caught.value)
-    (tmp_path / "trace.json").write_text('{"raybench_trace_results": 9}')
-    with pytest.raises(ConfigError, match="format 9, this raybench reads 3"):
-        read_trace(tmp_path / "trace.json")
+    path = sweeping.write(tmp_path, "raybench_trace: 1\nscene: cornell_box\n")
+    with pytest.raises(
+        ConfigError, match=r"small.yaml:1: 'raybench_experiment: 1' is expected; comparisons by rays are experiments"
+    ):
+        config.load(path)
 
 
-def test_run_takes_a_file_of_a_comparison_by_rays(tmp_path):
-    path = tmp_path / "small.yaml"
-    path.write_text("raybench_trace: 1\nscene: cornell_box\nrays: camera\nengine: numpy\ncount: 100\nhard: 0\nrepeats: 1\n")
-    done = raybench("run", path, "--out", tmp_path / "out", "--set", "max_time=1ms")
-    assert done.returncode == 0, done.stderr
-    assert "cornell_box, 36 primitives: camera rays, 1 thread; 100 rays checked, 0 hard rays" in done.stdout
-    assert read_trace(tmp_path / "out" / "trace.json").entries[0].answers.faults == 0
-    assert raybench("run", path, "--fresh").returncode == 2
+def test_filters_take_kinds_of_rays(tmp_path):
+    path = sweeping.write(tmp_path, EXPERIMENT + "exclude: [{rays: shadow}]\n")
+    assert [each.rays for each in config.load(path).combinations] == ["camera"]
 
 
-def test_the_shipped_file_says_its_question_and_the_schema_takes_it():
-    names = [name for name, path in paths.shipped("configs").items() if read_file(path).says(TRACE)]
-    assert names == ["trace"]
-    experiment = load_trace("trace")
-    text = paths.shipped("configs")["trace"].read_text()
-    assert text.startswith(f"# {experiment.question}")
-    assert np.isfinite(experiment.max_time_seconds) and len(experiment.contestants) == 3
-    assert not list(jsonschema.Draft202012Validator(trace_schema()).iter_errors(parse_yaml(text).plain()))
+def test_the_shipped_file_compares_three_engines():
+    experiment = config.load("rays")
+    assert {each.rays for each in experiment.combinations} == {"camera", "shadow", "incoherent"} and not experiment.renders
+    assert len({each.engine for each in experiment.combinations}) == 3
+    said = experiment.normalised()
+    assert config.recorded(said, "manifest.json").normalised() == said and said["ray_sets"]["count"] == 50000
 
 
 def test_files_outside_of_the_scenes_folder_are_read_only_if_allowed(tmp_path):

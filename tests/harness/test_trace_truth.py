@@ -5,12 +5,13 @@ import pytest
 
 import engines
 from engines import Settings
-from engines.errors import ConfigError, Unsupported
+from engines.errors import Unsupported
 from engines.scene import load_scene, scene_from
 from harness.config import paths
+from harness.config.settings import RAY_KINDS
 from harness.statistics import proportion_interval
 from harness.trace.judge import Judge, leaks
-from harness.trace.rays import KINDS, Rays, hard_rays, make_rays
+from harness.trace.rays import Rays, hard_rays, make_rays
 from harness.trace.truth import Truth, triangle_distance
 from harness.view.projection import Projection
 
@@ -128,7 +129,7 @@ def test_shadow_rays_end_before_their_light_and_the_others_start_off_the_surface
 
 def test_a_seed_makes_the_same_rays_and_another_one_others(box):
     truth = Truth(box)
-    for kind in KINDS:
+    for kind in RAY_KINDS:
         one, same, other = (make_rays(kind, box, truth, 100, 2, seed) for seed in (1, 1, 2))
         assert all(np.array_equal(a, b) for a, b in zip(one, same, strict=True))
         assert not np.array_equal(one.directions, other.directions)
@@ -149,10 +150,10 @@ def test_hard_rays_meet_what_they_are_aimed_at_and_passing_is_a_leak(box):
 
 def test_scenes_without_such_rays_are_refused():
     dark = made([SHAPES[0]])
-    with pytest.raises(ConfigError, match="no light that shadow rays could go to"):
+    with pytest.raises(Unsupported, match="no light that shadow rays could go to"):
         make_rays("shadow", dark, Truth(dark), 50, 1, 1)
     away = made([SHAPES[0]], camera={**CAMERA, "target": [0, 0, 12]})
-    with pytest.raises(ConfigError, match="no ray of the camera hits anything"):
+    with pytest.raises(Unsupported, match="no ray of the camera hits anything"):
         make_rays("incoherent", away, Truth(away), 50, 1, 1)
     curved = made([SHAPES[0]], camera={**CAMERA, "type": "perspective_arctan"})
     with pytest.raises(Unsupported, match="this is PerspectiveArctan"):

@@ -18,6 +18,7 @@ from markupsafe import Markup
 
 from harness.analysis import Analysis, calibration, reports_its_time
 from harness.analysis.certificates import certificate_text, certifies, refutes
+from harness.analysis.rays import RayContestant, ray_races
 from harness.metrics import error_words, metric_title
 from harness.report.html.glossary import TERMS, anchor
 from harness.report.html.overview import JudgedReference, engine_key, matrix
@@ -27,19 +28,24 @@ from harness.report.plots.catalogue import OF_A_PANEL
 from harness.report.plots.chart import Chart
 from harness.report.plots.interactive import plotly
 from harness.report.plots.panels import Panel, panels
+from harness.report.plots.rays import RAYS
 from harness.report.plots.style import file_stem, formats
 from harness.report.tables import Column, Table, cell_text, sort_value
 from harness.report.tables.evidence import evidence
 from harness.report.winners import seconds_text, standing
-from harness.store.records import Cell
+from harness.store.records import AnyCell, Cell, RayCell
 from harness.store.results import Contestant, Results, fixed_seconds, point_error
-from harness.trace.records import TraceResults
 
 MOST_BYTES = 9_500_000
 """The report stays under 10 MB; pictures get what the rest leaves, at least a tenth of it and at most 6 MB."""
 SCRIPTS = ("theme.js", "table.js", "decode.js", "plots.js", "colours.js", "viewer.js")
 LIBRARY = "plotly-basic.min.js"
 """The file `plotly-basic.min.js` of the package plotly.js-basic-dist-min of npm, as it is there."""
+QUESTIONS = {
+    True: "Which contestant reaches a given error first?",
+    False: "Which engine answers most rays per second, and which of the answers are wrong?",
+}
+"""Where the config has none: of results with cells that render, and of those without."""
 VERDICT_CLASSES = {
     "faster": "good",
     "equivalent": "good",
@@ -68,6 +74,7 @@ def report_html(
     sets, code = plot_sets(analysis, plots), library() if plots else ""
     left = MOST_BYTES - len(code) - sum(len(figure) for _, figures in sets for _, _, figure in figures) - 400 * len(cells.rows)
     groups = picture_groups(analysis, min(max(left, MOST_BYTES / 10), 6e6))
+    renders = "time_to_quality" in {table.name for table in tables}
     results, found = analysis.results, calibration.calibrate(analysis, calibration.OF_REPORTS)
     references = _references(results)
     pictures = {"groups": [group.payload for group in groups], "maps": colour_maps()}
@@ -76,7 +83,8 @@ def report_html(
         .get_template("report.html.j2")
         .render(
             title=results.config.name or results.folder.name,
-            question=results.config.question or "Which contestant reaches a given error first?",
+            question=results.config.question or QUESTIONS[renders],
+            renders=renders,
             matrix=matrix(analysis, found, references),
             engine_key=engine_key(analysis),
             verdicts=headlines(analysis),
@@ -115,34 +123,15 @@ def plot_sets(analysis: Analysis, plots: Sequence[Plot | Picture]) -> list[tuple
     for panel in panels(analysis):
         names = {file_stem(start, panel.title): label for start, label in OF_A_PANEL.items()}
         found.append((panel.title, [(label, left.pop(name)) for name, label in names.items() if name in left]))
-    found.append(("All scenes", [(plot.title, plot) for plot in left.values()]))
+    for title, start in (("Rays", RAYS), ("All scenes", "")):
+        names = [name for name in left if name.startswith(start)]
+        found.append((title, [(plot.title, plot) for plot in map(left.pop, names)]))
     return [(title, [(label, plot.name, plot_figure(plot)) for label, plot in own]) for title, own in found if own]
 
 
 def plot_figure(plot: Plot | Picture) -> Markup:
     """A plot as an element of a page: what plots.js draws, or an image."""
     return Markup(_environment().get_template("plot.html.j2").render(plot=plot, suffixes=formats()))
-
-
-def trace_html(results: TraceResults, table: Table, plots: Sequence[Plot]) -> str:
-    """The report of a comparison by rays as one document."""
-    return (
-        _environment()
-        .get_template("trace.html.j2")
-        .render(
-            title=results.name,
-            question=results.experiment.question or "",
-            table=table,
-            plots=[plot_figure(plot) for plot in plots],
-            library=library(),
-            machine=machine_words("", results.machine),
-            time=results.time,
-            command=" ".join(results.command),
-            config=json.dumps(results.config, indent=2),
-            style=Markup(_asset("report.css")),
-            scripts=Markup("\n".join(_asset(name) for name in ("theme.js", "table.js", "decode.js", "plots.js"))),
-        )
-    )
 
 
 def headlines(analysis: Analysis) -> list[dict[str, Any]]:
@@ -209,21 +198,36 @@ def cell_table(analysis: Analysis) -> Table:
     for contestant in results.contestants:
         for cell in contestant.cells:
             table.rows.append(_cell_row(analysis, contestant, cell))
+    table.rows += [_ray_cell_row(one, cell) for race in ray_races(results) for one in race for cell in one.cells]
     return table
 
 
-def _cell_row(analysis: Analysis, contestant: Contestant, cell: Cell) -> dict[str, Any]:
-    contended, told = cell.machine.contended, reports_its_time(cell)
-    notes = [cell.message, "contended" if contended else "", "time reported by the program" if told else ""]
-    row = {
+def _ray_cell_row(one: RayContestant, cell: RayCell) -> dict[str, Any]:
+    return {
+        **_shared_row(cell),
+        "contestant": " ".join(
+            filter(None, [one.settings.engine, one.variant, f"{one.settings.rays} rays", one.settings.label])
+        ),
+        **({"seconds": cell.seconds, "cold": cell.seconds + fixed_seconds(cell)} if cell.passes else {}),
+    }
+
+
+def _shared_row(cell: AnyCell) -> dict[str, Any]:
+    notes = [cell.message, "contended" if cell.machine.contended else ""]
+    return {
         "state": cell.state,
-        "scene": contestant.settings.scene,
-        "contestant": contestant.name,
+        "scene": cell.scene,
         "block": cell.block,
         "seed": cell.seed,
         "command": cell.command,
         "note": "; ".join(note for note in notes if note),
     }
+
+
+def _cell_row(analysis: Analysis, contestant: Contestant, cell: Cell) -> dict[str, Any]:
+    row = _shared_row(cell) | {"contestant": contestant.name}
+    if reports_its_time(cell):
+        row["note"] = "; ".join(filter(None, [row["note"], "time reported by the program"]))
     if cell.points:
         end = cell.end
         row |= {
@@ -316,7 +320,7 @@ def _machines(analysis: Analysis) -> list[str]:
     """The measured cells' environments in words: more than one must not share a time axis in silence."""
     results = analysis.results
     known = {env_id: environment.preimage for env_id, environment in results.environments.items()}
-    found = sorted({cell.env_id for cell in results.cells if cell.state == "done"})
+    found = sorted({cell.env_id for cell in (*results.cells, *results.ray_cells) if cell.state == "done"})
     return [machine_words(env_id, known.get(env_id, {})) for env_id in found]
 
 
@@ -330,5 +334,5 @@ def machine_words(env_id: str, preimage: Mapping[str, Any]) -> str:
 
 
 def _state_counts(analysis: Analysis) -> dict[str, int]:
-    states = [cell.state for cell in analysis.results.cells]
+    states = [cell.state for cell in (*analysis.results.cells, *analysis.results.ray_cells)]
     return dict(sorted(Counter(states).items()))

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from harness.analysis import Analysis
-from harness.report.plots import stability
+from harness.report.plots import rays, stability
 from harness.report.plots.accelerator_tradeoff import build_against_traverse
 from harness.report.plots.bars import phase_bars, quality_bars, thread_speedups
 from harness.report.plots.chart import Chart, Plot
@@ -36,7 +36,7 @@ def plots_of(analysis: Analysis) -> list[Plot]:
     of_panels = [each for panel in panels(analysis) for each in _of_a_panel(analysis, panel, palette)]
     of_all = [(*words, chart and replace(chart, warning=warning)) for *words, chart in _of_all_scenes(analysis, palette)]
     found = [Plot(name, title, text, chart) for name, title, text, chart in (*of_panels, *of_all) if chart is not None]
-    return [*found, *stability.plots(analysis.results.check_results)]
+    return [*found, *rays.plots(analysis.results), *stability.plots(analysis.results.check_results)]
 
 
 def _mixture(analysis: Analysis) -> str:

@@ -21,6 +21,7 @@ from harness.report.tables.equivalence import (
     who,
 )
 from harness.report.tables.evidence import evidence, floor_text
+from harness.report.tables.rays import rays
 from harness.report.tables.scaling import scaling
 from harness.statistics import Estimate, amdahl_fit, parallel_speedups
 from harness.store.results import PHASES
@@ -34,10 +35,13 @@ IN_OTHER_COLUMNS = ("biased", "biased_image", "biased_tile", "other_image", "equ
 
 
 def all_tables(analysis: Analysis) -> list[Table]:
-    """Every table, the verdicts first. Most are kept without rows: that nothing failed is worth saying."""
+    """Every table, the verdicts first. Most are kept without rows: that nothing failed is worth saying. Where all cells trace
+    rays, that of rays alone."""
     makers = (time_to_quality, speedups, convergence, equivalence, bias_and_equivalence, phases, threads, failures)
-    where_asked = [table for table in (accelerators(analysis), scaling(analysis), accuracy(analysis)) if table.rows]
-    return [*(make(analysis) for make in makers), *where_asked]
+    asked = accelerators(analysis), scaling(analysis), accuracy(analysis), rays(analysis.results)
+    where_asked = [table for table in asked if table.rows]
+    only_rays = analysis.results.ray_cells and not analysis.results.cells
+    return [*(make(analysis) for make in ([] if only_rays else makers)), *where_asked]
 
 
 def time_to_quality(analysis: Analysis) -> Table:

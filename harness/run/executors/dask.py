@@ -354,8 +354,7 @@ class Blocks:
         self.recorder.begin(cell, attempt)
         fewest = min((info["nthreads"] for info in self.machines.values()), default=1)
         share = 1.0 if self.timed else 1.0 / max(1, fewest // max(1, cell.settings.threads))
-        request = cell.request(self.recorder.plan.experiment.checkpoints)
-        future = self.cluster.submit(cell, request, address, share)
+        future = self.cluster.submit(cell, self.recorder.request(cell), address, share)
         self.tasks[future] = Task(cell, rest, address, attempt)
         return future
 

@@ -20,7 +20,6 @@ def measure(recorder: Recorder, pool: Pool) -> None:
 
 
 def _measure(recorder: Recorder, pool: Pool, cells: Sequence[Cell], again: bool) -> None:
-    checkpoints = recorder.plan.experiment.checkpoints
     block = None
     for number, cell in enumerate(cells):
         if recorder.stopped:
@@ -34,6 +33,6 @@ def _measure(recorder: Recorder, pool: Pool, cells: Sequence[Cell], again: bool)
         recorder.begin(cell, attempt)
         began = monotonic()
         record = CellRecord(recorder, cell, recorder.env_id, attempt)
-        with closing(pool.cell(cell.engine, cell.request(checkpoints), cell.budget.timeout_seconds)) as messages:
+        with closing(pool.cell(cell.engine, recorder.request(cell), cell.budget.timeout_seconds)) as messages:
             event = recorder.measured_as(record, messages)
         recorder.finish(cell, event.replaced(wall_seconds=monotonic() - began))

@@ -1,0 +1,128 @@
+"""Races of engines that trace the same rays with as many threads: rates, ratios and wrong answers of each contestant."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from engines.choices import Choice
+from harness.config.experiment import PREFERRED_BASELINES
+from harness.config.settings import RAY_KINDS, Combination
+from harness.statistics import Estimate, Ratio, noise_floor, proportion_interval, race, twin_distance
+from harness.store.records import BROKEN, Answers, RayCell, RaySettings
+from harness.store.results import Results, brief_choice
+
+
+@dataclass(frozen=True)
+class RayContestant:
+    """A configuration that traces the rays of a set, with its cells by block. `accelerator` has those options alone in which
+    accelerators of its name differ. `ratio` is that of its rate over the baseline's; None of the baseline, and where there is
+    nothing to compare."""
+
+    settings: RaySettings
+    accelerator: str = field(compare=False)
+    cells: tuple[RayCell, ...] = field(compare=False)
+    baseline: bool = field(default=False, compare=False)
+    ratio: Ratio | None = field(default=None, compare=False)
+
+    @cached_property
+    def done(self) -> list[RayCell]:
+        """Cells that were measured to their end."""
+        return [cell for cell in self.cells if cell.state == "done" and cell.passes]
+
+    @property
+    def told_by(self) -> RayCell:
+        """The cell that says what became of it: one that is broken, else one that is done, else any."""
+        broken = [cell for cell in self.cells if cell.state in BROKEN]
+        return (broken or self.done or self.cells)[0]
+
+    @property
+    def answers(self) -> Answers | None:
+        """What was wrong with its answers in the first block that was measured."""
+        return next((cell.answers for cell in self.done), None)
+
+    @property
+    def error_rate(self) -> Estimate:
+        """Share of the checked answers that are wrong in any way, with its exact interval; NaN without answers."""
+        return proportion_interval(self.answers.faults, self.answers.checked) if self.answers else proportion_interval(0, 0)
+
+    @property
+    def leak_rate(self) -> Estimate:
+        """Share of the hard rays that went through, as `error_rate`."""
+        return proportion_interval(self.answers.leaks, self.answers.hard) if self.answers else proportion_interval(0, 0)
+
+    @property
+    def unstable(self) -> bool:
+        """Whether its answers were not the same in all blocks."""
+        return len({cell.answers.sha256 for cell in self.done if cell.answers}) > 1
+
+    @property
+    def variant(self) -> str:
+        """Accelerator and precision, where they are not left to the engine."""
+        return " ".join(filter(None, ["" if self.accelerator == "auto" else self.accelerator, self.settings.precision]))
+
+    def rates(self, cpu: bool = False) -> list[float]:
+        """Million rays per second of each block: of wall time, or of processor time as far as that is known."""
+        seconds = [(cell.machine.cpu_seconds or math.nan) if cpu else cell.seconds for cell in self.done]
+        return [1e-6 * cell.count * cell.passes / s if s else math.nan for cell, s in zip(self.done, seconds, strict=True)]
+
+
+def ray_races(results: Results) -> list[list[RayContestant]]:
+    """Contestants by scene, kind of rays, threads and machine, in each race in the order in which they are baselines: by engine
+    as in other races, then as the config writes them."""
+    cells: dict[RaySettings, list[RayCell]] = {}
+    for cell in results.ray_cells:
+        cells.setdefault(cell.settings, []).append(cell)
+    accelerators: dict[str, list[Choice]] = {}
+    for settings in cells:
+        accelerators.setdefault(settings.engine, []).append(settings.accelerator)
+    found = [
+        RayContestant(s, brief_choice(s.accelerator, accelerators[s.engine]), tuple(sorted(own, key=lambda cell: cell.block)))
+        for s, own in cells.items()
+    ]
+    scenes = list(dict.fromkeys([*(each.scene.name for each in results.config.combinations), *(s.scene for s in cells)]))
+    engines = list(dict.fromkeys([results.config.baseline, *PREFERRED_BASELINES, *sorted(s.engine for s in cells)]))
+
+    def place(one: RayContestant) -> tuple[int, ...]:
+        s, written = one.settings, results.config.combinations
+        own = next((index for index, each in enumerate(written) if _stands_for(each, s)), len(written))
+        return scenes.index(s.scene), RAY_KINDS.index(s.rays), s.threads, engines.index(s.engine), own, bool(s.label)
+
+    races: dict[tuple[str, ...], list[RayContestant]] = {}
+    for one in sorted(found, key=place):
+        s = one.settings
+        races.setdefault((s.scene, s.rays, str(s.threads), s.machine, one.cells[0].ray_set_id), []).append(one)
+    return [_raced(group, results.config.same_within) for group in races.values()]
+
+
+def _stands_for(written: Combination, found: RaySettings) -> bool:
+    """Whether a combination of the config has these settings, whatever its scene and engine; it may leave options out."""
+    options = written.accelerator.describe().items() <= found.accelerator.describe().items()
+    return options and (written.rays, written.precision, written.threads) == (found.rays, found.precision, found.threads)
+
+
+def _raced(group: Sequence[RayContestant], same_within: float) -> list[RayContestant]:
+    """The contestants of a race with their ratios to the first that is measured, none of them broken."""
+    timed = [row for row, one in enumerate(group) if one.done and one.told_by.state == "done"]
+    base = next((row for row in timed if not group[row].settings.label), None)
+    if base is None:
+        return list(group)
+    blocks = max(cell.block for row in timed for cell in group[row].done) + 1
+    times = np.full((len(group), blocks), math.nan)
+    for row in timed:
+        for cell in group[row].done:
+            times[row, cell.block] = math.log(max(cell.seconds, 1e-9) / cell.passes)
+    places = {group[row].settings: row for row in timed}
+    twins = [(places.get(replace(one, label="")), row) for one, row in places.items() if one.label]
+    pairs = [(one, other) for one, other in twins if one is not None]
+    distances = [twin_distance(times, times, *pair) for pair in pairs]
+    others = [row for row in timed if row != base]
+    ranked = np.array([row in timed and not one.settings.label for row, one in enumerate(group)])
+    floor = noise_floor(distances, distances)
+    found = race(times, times, [(row, base) for row in others], floor, ranked=ranked, twins=pairs, margin=same_within)
+    ratios = dict(zip(others, found.ratios, strict=True))
+    return [replace(one, baseline=row == base, ratio=ratios.get(row)) for row, one in enumerate(group)]
