@@ -15,13 +15,13 @@ from harness.store.results import Contestant, Results, phase_seconds
 
 
 class BreakEven(NamedTuple):
-    """An accelerator beside the one of its family that is built fastest, `against` (None for that one itself).
+    """An accelerator beside the one of its family that is built fastest, `baseline` (None for that one itself).
 
     `break_even_spp`: samples per pixel from which on its build and rendering together take less; inf: never; None: unresolved.
     """
 
     contestant: Contestant
-    against: Contestant | None
+    baseline: Contestant | None
     build_seconds: Estimate
     path_microseconds: Estimate
     speedup: Ratio | None

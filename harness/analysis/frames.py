@@ -192,6 +192,7 @@ def cells(results: Results) -> Table:
     rows = [
         {
             **dict(cell.phases),
+            "render_seconds": cell.render_seconds,
             **_cell(cell),
             "contestant": contestants[cell.cell_id],
             **{f"counter_{name}": value for name, value in cell.counters.items()},
@@ -286,11 +287,11 @@ def _verdict(verdict: Verdict, index: int) -> dict[str, Any]:
         "at_first": warm.at_first,
         "seeds": warm.seeds,
         "failed_cells": verdict.failures,
-        "baseline": verdict.against.name if verdict.against else None,
+        "baseline": verdict.baseline.name if verdict.baseline else None,
         "factor": verdict.factors or None,
         "no_ratio": verdict.no_ratio,
         "ratio": ratio[:3] if ratio else None,
-        "verdict": ratio.verdict if ratio else "unresolved" if verdict.against else "",
+        "verdict": ratio.verdict if ratio else "unresolved" if verdict.baseline else "",
         "possible_winner": verdict.possible_winner[index],
         "flags": " ".join(verdict.flags_of(index)),
     }

@@ -21,8 +21,8 @@ FLAGS = {
     "biased_image": "image mean biased",
     "biased_tile": "a tile biased",
     "on_bias_floor": "sits on its bias floor",
-    "other_image": "differs from the baseline's image",
-    "equivalence_unresolved": "not shown to be equivalent to the baseline's image",
+    "other_image": "differs from the image baseline",
+    "equivalence_unresolved": "not shown to be equivalent to the image baseline",
     "too_good_per_sample": "too good per sample",
     "nonfinite_pixels": "non-finite pixels",
     "bad_samples": "bad samples",
@@ -47,11 +47,11 @@ OF_THE_ESTIMATOR = frozenset({"other_image", "equivalence_unresolved", "too_good
 class Verdict:
     """All that is concluded about one contestant. Sequences run along the results' targets.
 
-    `against` is the contestant that times are compared with, `factors` says in what the two differ;
-    `speedup` compares seconds per sample, `quality_speedups` times to targets; None where nothing is compared, and then
-    `no_ratio` says why.
-    `baseline` is the contestant whose image is compared. `bias` and `equivalence` are None where images are missing
-    or seeds do not differ; `radiance` is what a bias of image mean and tiles was looked for in. `flags` are names of `FLAGS`.
+    `baseline` is the contestant that times are compared with, `factors` says in what the two differ; `speedup` compares seconds
+    per sample, `quality_speedups` times to targets; None where nothing is compared, and then `no_ratio` says why.
+    `image_baseline` is the contestant that the image is compared with. `bias` and `equivalence` are None where images are
+    missing or seeds do not differ; `radiance` is what a bias of image mean and tiles was looked for in. `flags` are names of
+    `FLAGS`.
     """
 
     contestant: Contestant
@@ -64,8 +64,8 @@ class Verdict:
     samples_per_second: Estimate
     rays_per_second: Estimate
     phases: Mapping[str, Estimate]
+    image_baseline: Contestant | None = None
     baseline: Contestant | None = None
-    against: Contestant | None = None
     factors: str = ""
     speedup: Ratio | None = None
     quality_speedups: Sequence[Ratio | None] = ()
@@ -145,7 +145,7 @@ class Group(NamedTuple):
 def group_of(contestant: Contestant) -> Group:
     """The race that a contestant runs in."""
     s = contestant.settings
-    return Group(s.scene, contestant.race, s.size, s.division, s.machine)
+    return Group(s.scene, contestant.cells[0].reference_shader, s.size, s.division, s.machine)
 
 
 def raced_together(verdicts: Iterable[Verdict]) -> dict[Group, list[Verdict]]:

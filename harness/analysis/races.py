@@ -117,12 +117,12 @@ def _floors(
 def _why_no_ratio(verdict: Verdict, group: Sequence[Verdict]) -> str:
     if verdict.disqualified:
         return "flagged, so not ranked"
-    if verdict.against is None and verdict.contestant.settings.label:
+    if verdict.baseline is None and verdict.contestant.settings.label:
         return "repeats a contestant without results"
-    if verdict.against is None:
+    if verdict.baseline is None:
         others = [each for each in group if each is not verdict and not each.contestant.settings.label]
         return "the baseline of its race" if others else "alone in its race"
-    return f"{verdict.against.name} is flagged, so not ranked"
+    return f"{verdict.baseline.name} is flagged, so not ranked"
 
 
 def _distance(pair: Sequence[Verdict], index: int | None) -> float:
@@ -161,9 +161,9 @@ def _outcome(
 ) -> Outcome:
     rows = {verdict.contestant: row for row, verdict in enumerate(group) if not verdict.disqualified}
     compared = [
-        (rows[v.contestant], rows[v.against])
+        (rows[v.contestant], rows[v.baseline])
         for v in group
-        if v.contestant in rows and v.against is not None and v.against in rows
+        if v.contestant in rows and v.baseline is not None and v.baseline in rows
     ]
     ranked = np.array([v.contestant in rows and not v.contestant.settings.label for v in group])
     found = race(

@@ -70,7 +70,8 @@ def passes(contestant: Contestant) -> Samples:
         for point in cell.points:
             spp, seconds = point.samples - before[0], point.seconds - before[1]
             found.setdefault(point.spp, {})[cell.block] = seconds / (spp * pixels(cell))
-            before = point.samples, point.seconds
+            if not cell.separate_renders:
+                before = point.samples, point.seconds
     return dict(sorted(found.items()))
 
 

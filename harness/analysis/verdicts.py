@@ -69,12 +69,12 @@ def _verdict(
     curves = [results.curve(cell) for cell in contestant.runs]
     fixed = [fixed_seconds(cell) for cell in contestant.runs]
     ends = [cell.end for cell in done]
-    against, factors = baseline_of(contestant, groups[group_of(contestant)], results) or (None, "")
+    baseline, factors = baseline_of(contestant, groups[group_of(contestant)], results) or (None, "")
     nearest = nearest_of_engine(contestant, groups.get(group_of(contestant)._replace(division="closed"), ()), engine)
-    baseline = None if nearest == contestant else nearest
+    image_baseline = None if nearest == contestant else nearest
     bias, radiance = _bias(results, contestant, images)
     bias = bias or known.bias.get(settings)
-    equivalence = _equivalence(results, contestant, baseline, images) or known.baseline.get(settings)
+    equivalence = _equivalence(results, contestant, image_baseline, images) or known.baseline.get(settings)
     return Verdict(
         contestant,
         warm=[time_to_quality(curves, [0.0] * len(curves), target) for target in error_targets(results)],
@@ -86,8 +86,8 @@ def _verdict(
         samples_per_second=geometric_interval([_rate(_samples(cell), cell.end) for cell in done]),
         rays_per_second=geometric_interval([_rate(end.rays, end) for end in ends]),
         phases={phase: geometric_interval([phase_seconds(cell, phase) for cell in done]) for phase in PHASES},
+        image_baseline=image_baseline,
         baseline=baseline,
-        against=against,
         factors=factors,
         bias=bias,
         radiance=radiance,
@@ -95,7 +95,7 @@ def _verdict(
         flags=[
             *image_flags(results, contestant, bias, equivalence),
             *conduct_flags(contestant, bias),
-            *["too_good_per_sample"] * (baseline is not None and _too_good(results, contestant, baseline)),
+            *["too_good_per_sample"] * (image_baseline is not None and _too_good(results, contestant, image_baseline)),
             *["contended"] * any(cell.machine.contended for cell in done),
             *["own_clock"] * any(map(reports_its_time, done)),
         ],

@@ -89,12 +89,12 @@ def seconds_text(quality: QualityTime) -> str:
 def ratio_of(verdict: Verdict, verdicts: Sequence[Verdict], index: int) -> tuple[str, str]:
     """The paired ratio to its baseline. Where it is itself the baseline of others, the inverse of the fastest of them."""
     own = verdict.quality_speedups[index]
-    if own is not None and verdict.against is not None and isfinite(own.ratio) and own.ratio > 0:
-        return estimate_text((own.ratio, own.low, own.high)), verdict.against.name
+    if own is not None and verdict.baseline is not None and isfinite(own.ratio) and own.ratio > 0:
+        return estimate_text((own.ratio, own.low, own.high)), verdict.baseline.name
     rivals = [
         (each, ratio)
         for each in verdicts
-        if each.against is verdict.contestant
+        if each.baseline is verdict.contestant
         and not each.disqualified
         and (ratio := each.quality_speedups[index]) is not None
         and 0 < ratio.low <= ratio.ratio <= ratio.high < inf

@@ -292,7 +292,8 @@ class Machine(Record):
 class Measurement(Record):
     """A cell's state and what was measured of it. Checkpoints rise in samples, and their seconds do not fall, unless each is
     a render of its own. `attempt` 2 and up: measured again, because the one before was contended. `configuration` is the same
-    for cells that differ in seed and block alone, `raced` the shader of the reference where that is not the cell's own."""
+    for cells that differ in seed and block alone. `raced` is the shader of the reference where the experiment has one for all
+    cells."""
 
     cell_id: Id
     configuration: str = ""
@@ -358,6 +359,19 @@ class Measurement(Record):
             self.env_id[:8],
             self.division,
         )
+
+    @property
+    def reference_shader(self) -> Choice:
+        """The shader of the reference: the cell's own, unless the experiment has one for all cells."""
+        return self.raced or self.shader
+
+    @property
+    def render_seconds(self) -> float | None:
+        """Seconds inside the render calls of all checkpoints; None before the first. In a cell of `separate_renders` the phase has
+        those of the last call alone."""
+        if self.separate_renders and self.points:
+            return sum(point.seconds for point in self.points)
+        return self.phases.render_seconds
 
     @property
     def end(self) -> Point:

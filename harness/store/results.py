@@ -56,11 +56,6 @@ class Contestant:
     cells: tuple[Cell, ...] = field(compare=False)
     name: str = field(default="", compare=False)
 
-    @property
-    def race(self) -> Choice:
-        """The shader whose image it races towards, that of the reference: its own, unless the config has one for all."""
-        return self.cells[0].raced or self.settings.shader
-
     @cached_property
     def done(self) -> list[Cell]:
         """Cells that were measured to their end."""
@@ -188,7 +183,7 @@ def results_of(folder: Path, manifest: Manifest, events: Sequence[AnyEvent]) -> 
 
 def phase_seconds(cell: Cell, phase: str) -> float:
     """Seconds of a phase, one of `PHASES`; 0 where it was not recorded."""
-    value: float | None = getattr(cell.phases, f"{phase}_seconds")
+    value: float | None = cell.render_seconds if phase == "render" else getattr(cell.phases, f"{phase}_seconds")
     return value if value is not None and math.isfinite(value) else 0.0
 
 

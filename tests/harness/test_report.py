@@ -149,10 +149,10 @@ def test_a_ratio_is_that_to_the_baseline_or_the_inverse_of_one_to_it(folder):
         for verdict in panel.verdicts:
             text, other = ratio_of(verdict, panel.verdicts, 0)
             own = verdict.quality_speedups[0]
-            theirs = {v.contestant.name: v.quality_speedups[0] for v in panel.verdicts if v.against is verdict.contestant}
+            theirs = {v.contestant.name: v.quality_speedups[0] for v in panel.verdicts if v.baseline is verdict.contestant}
             kinds.add("own" if own else "inverse" if other else "none")
             if own:
-                assert verdict.against and other == verdict.against.name
+                assert verdict.baseline and other == verdict.baseline.name
                 assert text == estimate_text((own.ratio, own.low, own.high))
             elif other:
                 numbers = [float(number) for number in re.findall(r"[\d.]+", text)]

@@ -73,7 +73,7 @@ def test_the_biased_engine_is_flagged_and_the_others_are_not(tables):
             assert "flagged" in row["bias"] and row["verdict"] == "different"
             assert row["difference"].value == pytest.approx(0.03, abs=0.005)
         else:
-            assert "flagged" not in row["bias"] and row["verdict"] in ("equivalent", "unresolved", "baseline")
+            assert "flagged" not in row["bias"] and row["verdict"] in ("equivalent", "unresolved", "image baseline")
 
 
 def test_speedups_are_those_of_the_samples(tables):

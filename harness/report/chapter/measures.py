@@ -12,6 +12,7 @@ from harness.analysis.races import READINGS, times_read
 from harness.metrics import TRIMMED_FRACTION
 from harness.report.chapter.families import Family, Measure, estimate, words
 from harness.statistics import Bound, Estimate, Reading, geometric_interval
+from harness.statistics.convergence import NOISE_ERRORS
 from harness.store.results import Contestant, point_error
 
 
@@ -29,7 +30,7 @@ def errors_at(analysis: Analysis, spp: int | None) -> Measure:
         for cell in contestant.done:
             for point in cell.points:
                 error, spread = point_error(point, analysis.results.metric)
-                if point.spp == spp and error > 3 * spread:
+                if point.spp == spp and error > NOISE_ERRORS * spread:
                     found[cell.block] = error
         return found
 

@@ -23,7 +23,7 @@ def accelerators(analysis: Analysis) -> Table:
             CONTESTANT,
             Column("build_seconds", "Seconds of the build.", "estimate", "build [s]"),
             Column("path_microseconds", "Warm time of a path: a sample of a pixel.", "estimate", "path [µs]"),
-            Column("against", "The accelerator that is built fastest, all else equal."),
+            Column("baseline", "The accelerator that is built fastest, all else equal."),
             Column("speedup", "Time of a path with that accelerator over the time with this one.", "estimate", "speed-up"),
             Column("verdict", "faster, slower, same or unresolved."),
             Column(
@@ -42,9 +42,9 @@ def accelerators(analysis: Analysis) -> Table:
             "build_seconds": found.build_seconds,
             "path_microseconds": found.path_microseconds,
         }
-        if found.against is not None and found.speedup is not None:
+        if found.baseline is not None and found.speedup is not None:
             row |= {
-                "against": setting_text("accelerator", found.against.settings.accelerator),
+                "baseline": setting_text("accelerator", found.baseline.settings.accelerator),
                 "speedup": Estimate(*found.speedup[:4]),
                 "verdict": found.speedup.verdict,
                 "break_even_spp": found.break_even_spp,

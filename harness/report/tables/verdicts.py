@@ -72,7 +72,8 @@ def time_to_quality(analysis: Analysis) -> Table:
             ),
             Column(
                 "equivalence",
-                "Whether its image equals the baseline's: identical, equivalent, different or unresolved.",
+                "Whether its image equals that of the image baseline, which bias_and_equivalence names: identical, equivalent, "
+                "different or unresolved.",
                 title="image",
             ),
             Column("failed_cells", "Cells that failed or ran out of time.", "count", "failed"),
@@ -128,11 +129,11 @@ def speedups(analysis: Analysis) -> Table:
     for verdict in analysis.verdicts:
         for index, name in races:
             ratio = verdict.speedup if index is None else verdict.quality_speedups[index]
-            if ratio is not None and verdict.against is not None:
+            if ratio is not None and verdict.baseline is not None:
                 table.rows.append(
                     {
                         **who(verdict),
-                        "baseline": verdict.against.name,
+                        "baseline": verdict.baseline.name,
                         "factor": verdict.factors,
                         "measure": name,
                         "speedup": Estimate(ratio.ratio, ratio.low, ratio.high, ratio.blocks),
