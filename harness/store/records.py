@@ -368,8 +368,8 @@ class Measurement(Record):
 
     @property
     def render_seconds(self) -> float | None:
-        """Seconds inside the render calls of all checkpoints; None before the first. In a cell of `separate_renders` the phase has
-        those of the last call alone."""
+        """Seconds inside the render calls of all checkpoints; None before the first. In a cell of `separate_renders` the phase
+        has those of the last call alone."""
         if self.separate_renders and self.points:
             return sum(point.seconds for point in self.points)
         return self.phases.render_seconds
