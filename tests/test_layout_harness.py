@@ -36,10 +36,11 @@ PUBLIC = {
     *("harness.statistics", "harness.statistics.convergence", "harness.statistics.equivalence"),
     *(
         "harness.analysis",
+        "harness.analysis.axes",
         "harness.analysis.comparisons",
+        "harness.analysis.crossings",
         "harness.analysis.equivalence",
-        "harness.analysis.frames",
-        "harness.analysis.races",
+        "harness.analysis.measurements",
     ),
     *("harness.report", "harness.report.html.assembly", "harness.report.plots", "harness.report.plots.curves"),
     *("harness.report.plots.chart", "harness.report.plots.figures", "harness.report.plots.style"),

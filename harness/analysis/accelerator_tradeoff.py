@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from harness.analysis.comparisons import comparisons
+from harness.analysis import axes
+from harness.analysis.comparisons import race_of
 from harness.analysis.model import Analysis, seconds_per_sample
-from harness.analysis.races import race_of
 from harness.analysis.scaling import microseconds_a_path
 from harness.statistics import Estimate, Ratio, geometric_interval
 from harness.store.results import Contestant, Results, phase_seconds
@@ -31,7 +31,7 @@ class BreakEven(NamedTuple):
 def families(results: Results) -> list[list[Contestant]]:
     """Measured contestants that differ in the accelerator alone, two or more, the quickest build first."""
     timed = [c for c in results.contestants if not c.settings.label and seconds_per_sample(c)]
-    return [sorted(group, key=lambda c: build(c).value) for group in comparisons(timed, "accelerator") if len(group) > 1]
+    return [sorted(group, key=lambda c: build(c).value) for group in axes.families(timed, "accelerator") if len(group) > 1]
 
 
 def build_seconds(contestant: Contestant) -> dict[int, float]:

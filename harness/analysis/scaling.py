@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from harness.analysis.comparisons import comparisons
+from harness.analysis import axes
 from harness.analysis.model import Analysis, seconds_per_sample
 from harness.statistics import Estimate, geometric_interval, mean_interval
 from harness.store.records import Cell
@@ -42,7 +42,7 @@ def pixels(cell: Cell) -> int:
 def families(analysis: Analysis, axis: str, size: Callable[[Contestant], int]) -> list[list[Contestant]]:
     """Contestants that differ in one setting alone, three or more different sizes, the smallest first."""
     timed = [c for c in (verdict.contestant for verdict in analysis.verdicts) if seconds_per_sample(c) and size(c)]
-    ordered = [sorted(group, key=size) for group in comparisons((c for c in timed if not c.settings.label), axis)]
+    ordered = [sorted(group, key=size) for group in axes.families((c for c in timed if not c.settings.label), axis)]
     return [group for group in ordered if len({size(contestant) for contestant in group}) >= FEWEST]
 
 
@@ -107,5 +107,5 @@ def exponent(seconds: Samples, sizes: Sequence[int]) -> Estimate:
 
 def thread_families(results: Results) -> list[list[Contestant]]:
     """Measured contestants that differ in threads alone, two or more, by rising thread count."""
-    families = comparisons(filter(seconds_per_sample, results.contestants), "threads")
+    families = axes.families(filter(seconds_per_sample, results.contestants), "threads")
     return [sorted(family, key=lambda c: c.settings.threads) for family in families if len(family) > 1]

@@ -25,9 +25,9 @@ from pydantic import (
 
 from engines.choices import Choice
 from harness.check_results import CheckResult
+from harness.metrics import METRICS
 from harness.statistics.bias import BiasEstimate
 from harness.statistics.calibration import BiasFigures, RaceFigures
-from harness.metrics import METRICS
 from harness.statistics.equivalence import Equivalence
 from harness.store import confined
 
