@@ -14,8 +14,9 @@ from harness.store.records import Cell, Machine
 from harness.store.results import CHOICES, PHASES, Results, fixed_seconds, point_error
 
 CONTESTANT = Column("contestant", "Engine and those settings that differ within this experiment.")
+SCENE = Column("scene", "Scene that was rendered.")
 IDENTITY = [
-    Column("scene", "Scene that was rendered."),
+    SCENE,
     Column("engine", "Engine."),
     Column("engine_version", "The engine's version."),
     Column("accelerator", "Accelerator with its options."),

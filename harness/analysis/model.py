@@ -119,9 +119,6 @@ class Analysis:
     floors: Mapping[tuple[str, str], float]
     pairs: Sequence[EnginePair]
 
-    def of_scene(self, scene: str) -> list[Verdict]:
-        return [verdict for verdict in self.verdicts if verdict.contestant.settings.scene == scene]
-
     def floor(self, scene: str, target: float | None = None) -> float:
         """The scene's noise floor of seconds to a target, or per sample, as a log ratio; NaN where it was not measured."""
         return self.floors.get((scene, measure_of(target)), math.nan)

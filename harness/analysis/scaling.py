@@ -20,15 +20,18 @@ Samples = dict[int, dict[int, float]]
 
 
 class ScalingExponent(NamedTuple):
-    """d log seconds / d log size between two sizes: 0 is no growth, 1 proportion. Interval: Student's over blocks."""
+    """d log seconds / d log size between two sizes: 0 is no growth, 1 proportion. Interval: Student's over blocks.
 
-    contestant: Contestant
+    `exponent` is that over all sizes, `exponent_last` that between the two largest.
+    """
+
+    contestant: str
     cost: str
     over: str
     smallest: int
     largest: int
-    whole: Estimate
-    last: Estimate
+    exponent: Estimate
+    exponent_last: Estimate
 
 
 def primitives(contestant: Contestant) -> int:
@@ -93,7 +96,8 @@ def _exponents(contestant: Contestant, cost: str, over: str, seconds: Samples) -
     timed = {size: {b: s for b, s in blocks.items() if s > 0} for size, blocks in sorted(seconds.items())}
     sizes = [size for size, blocks in timed.items() if blocks]
     if len(sizes) >= FEWEST:
-        yield ScalingExponent(contestant, cost, over, sizes[0], sizes[-1], exponent(timed, sizes), exponent(timed, sizes[-2:]))
+        exponents = exponent(timed, sizes), exponent(timed, sizes[-2:])
+        yield ScalingExponent(contestant.name, cost, over, sizes[0], sizes[-1], *exponents)
 
 
 def exponent(seconds: Samples, sizes: Sequence[int]) -> Estimate:

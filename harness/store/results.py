@@ -118,10 +118,6 @@ class Results:
         """The scene's contestants that have something to show."""
         return [c for c in self.contestants if c.settings.scene == scene and c.done]
 
-    def curve(self, cell: Cell, metric: str = "") -> Curve:
-        """A cell's error by `metric`, which is that of the targets without one: see `point_error`."""
-        return curve_of(cell.points, metric or self.metric, cell.smooth_sampler, cell.reproducible)
-
     def reference(self, reference_id: str | None) -> Reference | None:
         """The reference's arrays; None where it is missing or unreadable."""
         found = self.references.get(reference_id or "")

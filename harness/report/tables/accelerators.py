@@ -5,15 +5,13 @@ from __future__ import annotations
 from harness.analysis import Analysis
 from harness.analysis.accelerator_tradeoff import break_evens
 from harness.analysis.columns import Column, Table
-from harness.report.tables.equivalence import CONTESTANT, SCENE
+from harness.analysis.measurements import CONTESTANT, SCENE
 from harness.report.tables.evidence import floors_text
-from harness.statistics import Estimate
-from harness.store.results import setting_text
 
 
 def accelerators(analysis: Analysis) -> Table:
     """One row a contestant that has a twin with another accelerator; empty where there is none."""
-    table = Table(
+    return Table(
         "accelerators",
         "Accelerators: build against traverse",
         "Contestants that differ in their accelerator alone, each beside the one that is built fastest. Geometric means "
@@ -34,20 +32,5 @@ def accelerators(analysis: Analysis) -> Table:
                 "break-even [spp]",
             ),
         ],
+        [found._asdict() for found in break_evens(analysis)],
     )
-    for found in break_evens(analysis):
-        row = {
-            "scene": found.contestant.settings.scene,
-            "contestant": found.contestant.name,
-            "build_seconds": found.build_seconds,
-            "path_microseconds": found.path_microseconds,
-        }
-        if found.baseline is not None and found.speedup is not None:
-            row |= {
-                "baseline": setting_text("accelerator", found.baseline.settings.accelerator),
-                "speedup": Estimate(*found.speedup[:4]),
-                "verdict": found.speedup.verdict,
-                "break_even_spp": found.break_even_spp,
-            }
-        table.rows.append(row)
-    return table

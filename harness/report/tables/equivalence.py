@@ -8,12 +8,11 @@ from typing import Any
 from harness.analysis import Analysis, Verdict
 from harness.analysis.columns import Column, Table
 from harness.analysis.equivalence import bound, rests_on
+from harness.analysis.measurements import CONTESTANT, SCENE
 from harness.analysis.model import bias_sizes
 from harness.check_results import worst_per_check
 from harness.statistics import Equivalence, Estimate
 
-SCENE = Column("scene", "Scene that was rendered.")
-CONTESTANT = Column("contestant", "Engine and those settings that differ within this experiment.")
 IMAGE_BASELINE = Column(
     "image_baseline", "Contestant whose image it is compared with: the most similar one of the baseline engine."
 )

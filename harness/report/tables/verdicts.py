@@ -6,20 +6,12 @@ import pandas as pd
 
 from harness.analysis import Analysis, frames, measurements, seconds_per_sample
 from harness.analysis.columns import Column, Table, rows_of
+from harness.analysis.measurements import CONTESTANT, IDENTITY, SCENE
 from harness.analysis.model import FLAGS
 from harness.analysis.scaling import thread_families
 from harness.metrics import error_words, metric_title
 from harness.report.tables.accelerators import accelerators
-from harness.report.tables.equivalence import (
-    CONTESTANT,
-    SCENE,
-    accuracy,
-    bias_and_equivalence,
-    bias_text,
-    equivalence,
-    equivalence_text,
-    who,
-)
+from harness.report.tables.equivalence import accuracy, bias_and_equivalence, bias_text, equivalence, equivalence_text, who
 from harness.report.tables.evidence import evidence, floor_text
 from harness.report.tables.model import reached_text
 from harness.report.tables.scaling import scaling
@@ -101,7 +93,7 @@ def time_to_quality(analysis: Analysis) -> Table:
 def _division(analysis: Analysis) -> list[Column]:
     """A column where some contestant is not of the closed division."""
     some = any(verdict.contestant.settings.division != "closed" for verdict in analysis.verdicts)
-    return [Column("division", "Division in which it is ranked: closed or open.")] * some
+    return IDENTITY[-1:] * some
 
 
 def speedups(analysis: Analysis) -> Table:
