@@ -185,7 +185,7 @@ def ranked_together(verdicts: Iterable[Verdict]) -> dict[Group, list[Verdict]]:
 
 def measure_of(target: float | None) -> str:
     """`time to 0.01`; without a target seconds per sample."""
-    return PER_SAMPLE if target is None else f"time to {target:.12g}"
+    return PER_SAMPLE if target is None else f"time to {target:.15g}"
 
 
 def seconds_per_sample(contestant: Contestant) -> dict[int, float]:
