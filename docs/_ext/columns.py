@@ -4,7 +4,7 @@ from pathlib import Path
 
 from markdown import code, plain, table
 
-from harness.analysis import analyse, frames
+from harness.analysis import analyse, frames, measurements
 from harness.analysis.columns import ESTIMATES
 from harness.metrics import METRIC_MEANINGS
 from harness.report.tables import all_tables, changes
@@ -38,8 +38,8 @@ def text() -> str:
         changes([empty], [empty]),
     ]
     parts = ["## DataFrames"]
-    parts += [_section("points", frames.points(empty)), _section("times_to_quality", frames.times_to_quality(analysis))]
-    parts += [_section("cells", frames.cells(empty)), _section("verdicts", frames.verdicts(analysis))]
+    parts += [_section("points", measurements.points(empty)), _section("times_to_quality", frames.times_to_quality(analysis))]
+    parts += [_section("cells", measurements.cells(empty)), _section("verdicts", frames.verdicts(analysis))]
     parts += ["### Metrics", "Columns of `points`; `_eNUMBER` in a name is the metric's epsilon."]
     parts += [table(("Column", "Meaning"), [(code(key), plain(value)) for key, value in METRIC_MEANINGS.items()])]
     parts += ["## For people", "Each as `.csv`, `.md` and `.tex` in `tables/`."]

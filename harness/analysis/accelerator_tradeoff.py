@@ -6,32 +6,36 @@ import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from harness.analysis.comparisons import comparisons
+from harness.analysis import axes
+from harness.analysis.comparisons import race_of
 from harness.analysis.model import Analysis, seconds_per_sample
-from harness.analysis.races import race_of
 from harness.analysis.scaling import microseconds_a_path
 from harness.statistics import Estimate, Ratio, geometric_interval
-from harness.store.results import Contestant, Results, phase_seconds
+from harness.store.results import Contestant, Results, phase_seconds, setting_text
 
 
 class BreakEven(NamedTuple):
-    """An accelerator beside the one of its family that is built fastest, `against` (None for that one itself).
+    """An accelerator, and what it is beside the `baseline`, the one of its family that is built fastest; without a ratio for
+    that one itself, and where a flag disqualifies one of the two.
 
-    `break_even_spp`: samples per pixel from which on its build and rendering together take less; inf: never; None: unresolved.
+    `speedup` is in the time of a path. `break_even_spp`: samples per pixel from which on its build and rendering together take
+    less; inf: never; None: unresolved.
     """
 
-    contestant: Contestant
-    against: Contestant | None
+    scene: str
+    contestant: str
     build_seconds: Estimate
     path_microseconds: Estimate
-    speedup: Ratio | None
-    break_even_spp: Estimate | None
+    baseline: str = ""
+    speedup: Estimate | None = None
+    verdict: str = ""
+    break_even_spp: Estimate | None = None
 
 
 def families(results: Results) -> list[list[Contestant]]:
     """Measured contestants that differ in the accelerator alone, two or more, the quickest build first."""
     timed = [c for c in results.contestants if not c.settings.label and seconds_per_sample(c)]
-    return [sorted(group, key=lambda c: build(c).value) for group in comparisons(timed, "accelerator") if len(group) > 1]
+    return [sorted(group, key=lambda c: build(c).value) for group in axes.families(timed, "accelerator") if len(group) > 1]
 
 
 def build_seconds(contestant: Contestant) -> dict[int, float]:
@@ -45,33 +49,33 @@ def build(contestant: Contestant) -> Estimate:
 
 
 def break_evens(analysis: Analysis) -> Iterator[BreakEven]:
-    """Every member of every family; none of its ratios of a contestant with a flag that disqualifies it."""
-    unfit = {id(verdict.contestant) for verdict in analysis.verdicts if verdict.disqualified}
+    """Every member of every family, the quickest build first."""
+    unfit = {verdict.contestant for verdict in analysis.verdicts if verdict.disqualified}
     for family in families(analysis.results):
-        first, *others = family
-        yield BreakEven(first, None, build(first), microseconds_a_path(first), None, None)
-        compared = [(row, 0) for row, other in enumerate(family) if row and not unfit & {id(first), id(other)}]
+        first = family[0]
+        fit = [row for row, other in enumerate(family) if row and not unfit & {first, other}]
         floor, margin = analysis.floor(first.settings.scene), analysis.results.config.same_within
-        ratios = race_of([seconds_per_sample(c) for c in family], compared, floor, margin).ratios
-        found = {row: ratio for (row, _), ratio in zip(compared, ratios, strict=True)}
-        for row, other in enumerate(others, 1):
-            yield BreakEven(
-                other,
-                first,
-                build(other),
-                microseconds_a_path(other),
-                found.get(row),
-                break_even_spp(first, other, found.get(row)),
-            )
+        ratios = race_of([seconds_per_sample(c) for c in family], [(row, 0) for row in fit], floor, margin).ratios
+        compared = dict(zip(fit, ratios, strict=True))
+        for row, other in enumerate(family):
+            known = BreakEven(other.settings.scene, other.name, build(other), microseconds_a_path(other))
+            if ratio := compared.get(row):
+                known = known._replace(
+                    baseline=setting_text("accelerator", first.settings.accelerator),
+                    speedup=Estimate(*ratio[:4]),
+                    verdict=ratio.verdict,
+                    break_even_spp=break_even_spp(first, other, ratio),
+                )
+            yield known
 
 
-def break_even_spp(first: Contestant, other: Contestant, speedup: Ratio | None) -> Estimate | None:
+def break_even_spp(first: Contestant, other: Contestant, speedup: Ratio) -> Estimate | None:
     """Geometric mean over blocks of (build - build of the first) / (seconds per sample that it saves), where it surely
     saves some.
 
     0 where some build is no dearer. Surely none saved: never.
     """
-    if speedup is None or speedup.verdict not in ("faster", "slower"):
+    if speedup.verdict not in ("faster", "slower"):
         return None
     if speedup.verdict == "slower":
         return Estimate(math.inf, math.nan, math.nan, speedup.blocks)

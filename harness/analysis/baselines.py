@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from engines.choices import Choice
-from harness.analysis.comparisons import unlabelled
+from harness.analysis.axes import unlabelled
 from harness.analysis.equivalence import similarity
 from harness.config.experiment import PREFERRED_BASELINES
 from harness.store.results import Contestant, Results

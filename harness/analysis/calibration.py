@@ -8,8 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from harness.analysis.model import Analysis, Verdict, raced_together
-from harness.analysis.races import clock_steps, times_found
+from harness.analysis.comparisons import clock_steps
+from harness.analysis.crossings import logs
+from harness.analysis.model import PER_SAMPLE, Analysis, Frame, Verdict, measure_of, raced_together
 from harness.statistics.calibration import BIASED_IMAGE, BIASED_TILE, RaceNoise, bias_figures, race_figures, scaled_residuals
 from harness.store.records import Calibration
 
@@ -61,16 +62,19 @@ def missed(found: Calibration) -> list[str]:
 def _noises(analysis: Analysis) -> Iterator[RaceNoise]:
     """The races on targets with the times that are known in every block; where there are none, races in seconds per sample."""
     groups = list(raced_together(analysis.verdicts).values())
-    targets = list(range(len(analysis.results.targets)))
-    for indices in (targets, [None]):
-        found = [noise for index in indices for group in groups if (noise := _noise(group, index)) is not None]
+    own = analysis.crossings[analysis.crossings.own]
+    for measures in (map(measure_of, analysis.results.targets), [PER_SAMPLE]):
+        races = [(own[own.measure == measure], group) for measure in measures for group in groups]
+        found = [noise for times, group in races if (noise := _noise(times, group)) is not None]
         if found:
             yield from found
             return
 
 
-def _noise(group: Sequence[Verdict], index: int | None) -> RaceNoise | None:
-    low, high = times_found(group, index)
+def _noise(times: Frame, group: Sequence[Verdict]) -> RaceNoise | None:
+    """`times`: rows of `crossings` in one measure."""
+    own = times[times.scene == group[0].contestant.settings.scene]
+    low, high = logs(own, [verdict.contestant.name for verdict in group])
     labelled = np.array([bool(verdict.contestant.settings.label) for verdict in group])
     known = ((low == high) & np.isfinite(low)).all(axis=1) & ~labelled
     residuals = scaled_residuals(low[known])

@@ -70,6 +70,12 @@ class Table:
         return pd.DataFrame(found)
 
 
+def estimate_of(row: Any, name: str) -> Estimate:
+    """The estimate that a row of a DataFrame, a named tuple, has in the columns `name`, `name_low` and `name_high`."""
+    value, low, high = (getattr(row, f"{name}{end}") for end in ("", "_low", "_high"))
+    return Estimate(value, low, high, 0)
+
+
 def rows_of(frame: pd.DataFrame, columns: Sequence[Column]) -> list[dict[str, Any]]:
     """The rows of a DataFrame as a `Table` has them: estimates put together, None for what is not known."""
     found = frame.astype(object).where(frame.notna(), None).to_dict("records")

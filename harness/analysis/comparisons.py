@@ -1,29 +1,173 @@
-"""Contestants that are equal in all settings but some."""
+"""Whose times are compared with whose, and what follows: DataFrames made of `crossings`.
+
+A race is a group of contestants whose times are compared, each with a baseline, in one measure: in seconds to a target, or in
+seconds per sample. `statistics.race` judges it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import fields, replace
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from harness.store.records import Settings
-from harness.store.results import Contestant
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from harness.analysis.baselines import AA, baseline_of
+from harness.analysis.crossings import READINGS, Logs, logs
+from harness.analysis.model import CONTESTANT_KEYS, PER_SAMPLE, Frame, Verdict, raced_together
+from harness.statistics import Bound, Race, noise_floor, race, twin_distance
+from harness.store.results import Results
+
+CLOCK_SECONDS = 1e-6
+"""What a clock resolves, starting and stopping it included."""
+PAIRS = ["race", *CONTESTANT_KEYS, "baseline", "factor", "no_ratio", "ranked"]
+RATIOS = ["ratio", "ratio_low", "ratio_high", "blocks", "verdict"]
+Floors = Mapping[tuple[str, str], float]
+"""(scene, measure) -> noise floor as a log ratio; without those that were not measured."""
 
 
-def others(settings: Settings, *axes: str) -> tuple[Any, ...]:
-    """All settings but those of `axes`: equal for contestants that differ in these alone. `size` is width and height."""
-    left_out = {*axes, *(("width", "height") if "size" in axes else ())}
-    return tuple(getattr(settings, field.name) for field in fields(settings) if field.name not in left_out)
+def pairs(results: Results, verdicts: Sequence[Verdict]) -> Frame:
+    """One row a contestant, in races of one scene, reference, size, division and machine.
+
+    Columns: `race`, a number; `scene` and `contestant`; `baseline`, the contestant that it is compared with, and `factor`, in
+    what the two differ, both empty where there is none; `no_ratio`, why it is compared with none, empty where it is; `ranked`,
+    whether it may win.
+    """
+    rows = []
+    for number, group in enumerate(raced_together(verdicts).values()):
+        members = {verdict.contestant: verdict for verdict in group}
+        for contestant, verdict in members.items():
+            baseline, factor = baseline_of(contestant, list(members), results) or (None, "")
+            why_not = _why_no_ratio(verdict, None if baseline is None else members[baseline], group)
+            ranked = not verdict.disqualified and not contestant.settings.label
+            name = baseline.name if baseline is not None else ""
+            rows.append((number, contestant.settings.scene, contestant.name, name, factor, why_not, ranked))
+    return pd.DataFrame(rows, columns=PAIRS)
 
 
-def unlabelled(settings: Settings) -> Settings:
-    """Those of the contestant that an A/A twin of these settings repeats."""
-    return replace(settings, label="")
+def _why_no_ratio(verdict: Verdict, baseline: Verdict | None, group: Sequence[Verdict]) -> str:
+    if verdict.disqualified:
+        return "flagged, so not ranked"
+    if baseline is not None:
+        return f"{baseline.contestant.name} is flagged, so not ranked" if baseline.disqualified else ""
+    if verdict.contestant.settings.label:
+        return "repeats a contestant without results"
+    others = [each for each in group if each is not verdict and not each.contestant.settings.label]
+    return "the baseline of its race" if others else "alone in its race"
 
 
-def comparisons(contestants: Iterable[Contestant], *axes: str) -> list[list[Contestant]]:
-    """Contestants in groups whose members differ in `axes` alone, in the order in which they come."""
-    groups: dict[tuple[Any, ...], list[Contestant]] = {}
-    for contestant in contestants:
-        groups.setdefault(others(contestant.settings, *axes), []).append(contestant)
-    return list(groups.values())
+def noise_floors(crossings: Frame, pairs: Frame) -> Floors:
+    """Of each scene that has A/A twins, from the distances of its own and of all twins of the run. The reference's noise moves
+    the times of twins alike, so these are taken as they are found."""
+    first, *targets = measures(crossings)
+    distances: dict[str, dict[str, list[float]]] = {}
+    for twin in pairs[(pairs.factor == AA) & (pairs.baseline != "")].itertuples():
+        own = crossings[crossings.own & (crossings.scene == twin.scene)]
+        both = [logs(own[own.measure == measure], [twin.baseline, twin.contestant]) for measure in (first, *targets)]
+        found = [twin_distance(*ends, 0, 1) for ends in both]
+        for measure, distance in zip((first, *targets), [found[0], *_filled(found[1:])], strict=True):
+            distances.setdefault(measure, {}).setdefault(twin.scene, []).append(distance)
+    floors = {}
+    for measure, scenes in distances.items():
+        everyone = [distance for found in scenes.values() for distance in found]
+        floors |= {(scene, measure): noise_floor(found, everyone) for scene, found in scenes.items()}
+    return floors
+
+
+def _filled(distances: Sequence[float]) -> list[float]:
+    """Distances of twins on targets, the easiest first. Where the twins did not get there, or were there at once, that of the
+    nearest easier target that was timed stands in, else of the nearest harder one."""
+    known = [index for index, distance in enumerate(distances) if math.isfinite(distance)]
+    nearest = [max((k for k in known if k <= index), default=known[0] if known else index) for index in range(len(distances))]
+    return [distances[index] for index in nearest]
+
+
+def measures(crossings: Frame) -> list[str]:
+    """Seconds per sample, then the targets as they were given."""
+    return [PER_SAMPLE, *(measure for measure in crossings.measure.unique() if measure != PER_SAMPLE)]
+
+
+def comparisons(crossings: Frame, pairs: Frame, floors: Floors, margin: float) -> Frame:
+    """One row a contestant and measure.
+
+    Columns: those of `pairs`; `measure`; `ratio`, of the seconds of the baseline to its own, with `ratio_low`, `ratio_high`,
+    `blocks` and `verdict` as in `statistics.Ratio`, unknown where it is compared with none; `possible_winner`; `noise_floor`, a
+    share; `twins_separated`, whether some A/A twins of the scene differ: nothing is then concluded in any of its races.
+    `margin`: the largest share by which times that count as the same may differ.
+    """
+    rows = [row for _, members in pairs.groupby("race") for row in _race(crossings, members, floors, margin)]
+    found = pd.DataFrame(rows, columns=[*PAIRS, "measure", *RATIOS, "possible_winner", "noise_floor", "twins_separated"])
+    separated = found.groupby(["scene", "measure"]).twins_separated.transform("any").astype(bool)
+    decided = found.groupby(["race", "measure"]).possible_winner.transform("any").astype(bool)
+    return found.assign(
+        twins_separated=separated,
+        verdict=found.verdict.mask(separated & (found.no_ratio == ""), "unresolved"),
+        possible_winner=found.possible_winner.mask(separated & decided, found.ranked),
+    )
+
+
+def _race(crossings: Frame, members: Frame, floors: Floors, margin: float) -> Iterator[tuple[Any, ...]]:
+    """The rows of one race in each measure."""
+    names, scene = members.contestant.tolist(), members.scene.iloc[0]
+    place = {name: row for row, name in enumerate(names)}
+    compared = [(place[row.contestant], place[row.baseline]) for row in members.itertuples() if row.no_ratio == ""]
+    twins = [(place[row.baseline], place[row.contestant]) for row in members.itertuples() if row.factor == AA and row.baseline]
+    own = crossings[(crossings.scene == scene) & crossings.contestant.isin(names)]
+    for measure in measures(crossings):
+        times, floor = own[own.measure == measure], floors.get((scene, measure), math.nan)
+        low, high = _sure(times[times.own], names)
+        found = race(
+            low,
+            high,
+            compared,
+            floor,
+            ranked=members.ranked.to_numpy(bool),
+            twins=twins,
+            clock=clock_steps(low),
+            margin=margin,
+            **_readings(times, names),
+        )
+        ratios = {row: ratio for (row, _), ratio in zip(compared, found.ratios, strict=True)}
+        for row, member in enumerate(members.itertuples(index=False)):
+            ratio = ratios.get(row, (math.nan, math.nan, math.nan, 0, "unresolved" if member.baseline else ""))
+            yield *member, measure, *ratio, found.possible_winner[row], math.expm1(floor), found.twins_separated
+
+
+def _sure(times: Frame, names: Sequence[str]) -> tuple[Logs, Logs]:
+    return logs(times, names, "sure_low", "sure_high")
+
+
+def _readings(times: Frame, names: Sequence[str]) -> dict[str, Any]:
+    """What a race of samplers of both kinds needs: times by either reading, and which pairs are of different kinds."""
+    kinds = times[times.own].groupby("contestant").reading.first().reindex(names).to_numpy(object)
+    if len(set(kinds)) < 2 or PER_SAMPLE in set(times.measure):
+        return {}
+    return {"readings": [_sure(times[times.reading == way], names) for way in READINGS], "mixed": kinds[:, None] != kinds}
+
+
+def race_of(
+    measured: Sequence[Mapping[int, float]],
+    compared: Sequence[tuple[int, int]],
+    floor: float,
+    margin: float,
+    readings: Sequence[Sequence[Mapping[int, Bound]]] = (),
+    mixed: NDArray[np.bool_] | None = None,
+) -> Race:
+    """The race of contestants of which each has block -> a positive number, of which less is better. `margin`: the largest
+    difference, as a share, that counts as the same. `readings`: the numbers of all as found in other ways, see
+    `statistics.race`."""
+    own = _arrays([{block: Bound(value, value) for block, value in one.items()} for one in measured])
+    return race(*own, compared, floor, margin=margin, readings=[_arrays(bounds) for bounds in readings], mixed=mixed)
+
+
+def _arrays(found: Sequence[Mapping[int, Bound]]) -> tuple[Logs, Logs]:
+    rows = [(place, block, *bound) for place, one in enumerate(found) for block, bound in one.items()]
+    return logs(pd.DataFrame(rows, columns=["contestant", "block", "low", "high"]), range(len(found)))
+
+
+def clock_steps(low: Logs) -> Logs:
+    """(k,) what the clock resolves over the shortest time of each contestant."""
+    shortest = np.min(np.where(np.isfinite(low), low, np.inf), axis=1, initial=np.inf)
+    return CLOCK_SECONDS * np.exp(-shortest)

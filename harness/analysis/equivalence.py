@@ -148,7 +148,9 @@ def engine_pairs(results: Results, images: Replicates, known: Known) -> list[Eng
     for contestant in results.contestants:
         s = contestant.settings
         if contestant.done and not s.label:
-            groups.setdefault((s.scene, contestant.race, s.size, s.sampler, s.machine), []).append(contestant)
+            groups.setdefault((s.scene, contestant.cells[0].reference_shader, s.size, s.sampler, s.machine), []).append(
+                contestant
+            )
     pairs = [pair for members in groups.values() for pair in _nearest(members)]
     alpha = shared_alpha(len(pairs))
     return [EnginePair(a, b, compared(a, b, images, alpha) or known.get((a.settings, b.settings))) for a, b in pairs]

@@ -3,26 +3,33 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from functools import cached_property
+from typing import Any, NamedTuple, TypeAlias
 
 from engines.choices import Choice
 from harness.analysis.equivalence import EnginePair
-from harness.statistics import BiasEstimate, Equivalence, Estimate, QualityTime, Ratio, Slope
+from harness.statistics import BiasEstimate, Equivalence, Estimate, Slope
 from harness.statistics.bias import RadianceSample
 from harness.store.records import BROKEN
 from harness.store.results import Contestant, Results
 
+Frame: TypeAlias = Any
+"""A DataFrame of pandas, whose columns are attributes that no type checker knows."""
+CONTESTANT_KEYS = ["scene", "contestant"]
+"""The columns that name a contestant in every DataFrame."""
+PER_SAMPLE = "seconds per sample"
+"""The measure without a target."""
 NOISY = "noisy_reference"
-"""Flag of a time to quality, not of all of a contestant's: see `QualityTime.reliable`."""
+"""Flag of a time to quality, not of all of a contestant's: see `statistics.QualityTime`."""
 FLAGS = {
     "biased": "biased",
     "biased_image": "image mean biased",
     "biased_tile": "a tile biased",
     "on_bias_floor": "sits on its bias floor",
-    "other_image": "differs from the baseline's image",
-    "equivalence_unresolved": "not shown to be equivalent to the baseline's image",
+    "other_image": "differs from the image baseline",
+    "equivalence_unresolved": "not shown to be equivalent to the image baseline",
     "too_good_per_sample": "too good per sample",
     "nonfinite_pixels": "non-finite pixels",
     "bad_samples": "bad samples",
@@ -45,18 +52,14 @@ OF_THE_ESTIMATOR = frozenset({"other_image", "equivalence_unresolved", "too_good
 
 @dataclass(frozen=True)
 class Verdict:
-    """All that is concluded about one contestant. Sequences run along the results' targets.
+    """All that is concluded about one contestant, but for the times that are compared.
 
-    `against` is the contestant that times are compared with, `factors` says in what the two differ;
-    `speedup` compares seconds per sample, `quality_speedups` times to targets; None where nothing is compared, and then
-    `no_ratio` says why.
-    `baseline` is the contestant whose image is compared. `bias` and `equivalence` are None where images are missing
-    or seeds do not differ; `radiance` is what a bias of image mean and tiles was looked for in. `flags` are names of `FLAGS`.
+    `image_baseline` is the contestant that the image is compared with. `bias` and `equivalence` are None where images are
+    missing or seeds do not differ; `radiance` is what a bias of image mean and tiles was looked for in. `flags` are names of
+    `FLAGS`.
     """
 
     contestant: Contestant
-    warm: Sequence[QualityTime]
-    cold: Sequence[QualityTime]
     slope: Slope
     final_error: Estimate
     final_spp: Estimate
@@ -64,13 +67,7 @@ class Verdict:
     samples_per_second: Estimate
     rays_per_second: Estimate
     phases: Mapping[str, Estimate]
-    baseline: Contestant | None = None
-    against: Contestant | None = None
-    factors: str = ""
-    speedup: Ratio | None = None
-    quality_speedups: Sequence[Ratio | None] = ()
-    no_ratio: str = ""
-    possible_winner: Sequence[bool] = ()
+    image_baseline: Contestant | None = None
     bias: BiasEstimate | None = None
     radiance: RadianceSample | None = None
     equivalence: Equivalence | None = None
@@ -86,10 +83,6 @@ class Verdict:
         """Whether a flag keeps it out of all rankings of its division."""
         allowed = OF_THE_TIME | OF_THE_ESTIMATOR if self.contestant.settings.division == "open" else OF_THE_TIME
         return bool(set(self.flags) - allowed)
-
-    def flags_of(self, index: int) -> list[str]:
-        """The flags, with those of the time to the target of `index`."""
-        return [*self.flags, *([] if self.warm[index].reliable else [NOISY])]
 
     @property
     def warnings(self) -> list[str]:
@@ -113,23 +106,52 @@ def bias_sizes(bias: BiasEstimate | None) -> dict[str, str]:
 class Analysis:
     """`verdicts` of all contestants that have a measured cell. `pairs` are engines compared under equal settings.
 
-    `floors`: (scene, index of the target) -> noise floor as a log ratio, NaN where it was not measured; the index
-    None stands for seconds per sample. `separated` are those whose A/A twins differ, so that nothing is concluded.
+    `crossings`, `times` (to quality) and `comparisons` are the DataFrames of the functions of these names. `floors`: (scene,
+    measure) -> noise floor as a log ratio, see `comparisons.noise_floors`.
     """
 
     results: Results
     verdicts: Sequence[Verdict]
     baseline_engine: str
-    floors: Mapping[tuple[str, int | None], float]
-    separated: Collection[tuple[str, int | None]]
+    crossings: Frame
+    times: Frame
+    comparisons: Frame
+    floors: Mapping[tuple[str, str], float]
     pairs: Sequence[EnginePair]
 
-    def of_scene(self, scene: str) -> list[Verdict]:
-        return [verdict for verdict in self.verdicts if verdict.contestant.settings.scene == scene]
+    def floor(self, scene: str, target: float | None = None) -> float:
+        """The scene's noise floor of seconds to a target, or per sample, as a log ratio; NaN where it was not measured."""
+        return self.floors.get((scene, measure_of(target)), math.nan)
 
-    def floor(self, scene: str, index: int | None = None) -> float:
-        """The scene's noise floor as a log ratio; NaN where it was not measured."""
-        return self.floors.get((scene, index), math.nan)
+    @cached_property
+    def separated(self) -> set[tuple[str, str]]:
+        """Scenes with measures in which their A/A twins differ, so that nothing is concluded."""
+        found = self.comparisons[self.comparisons.twins_separated]
+        return set(zip(found.scene, found.measure, strict=True))
+
+    @cached_property
+    def by_target(self) -> Frame:
+        """One row a contestant and target: what `comparisons` says with the warm times, and the cold ones as `cold_seconds`."""
+        keys, ends = [*CONTESTANT_KEYS, "measure"], ("seconds", "seconds_low", "seconds_high")
+        warm, cold = (self.times[self.times.start == start].drop(columns="start") for start in ("warm", "cold"))
+        cold = cold[[*keys, *ends]].rename(columns={end: f"cold_{end}" for end in ends})
+        return warm.merge(cold, on=keys).merge(self.comparisons, on=keys)
+
+    @cached_property
+    def _rows(self) -> Mapping[tuple[str, str, float], Any]:
+        return {(row.scene, row.contestant, row.target): row for row in self.by_target.itertuples(index=False)}
+
+    def at(self, contestant: Contestant, target: float) -> Any:
+        """The row of `by_target`, a named tuple."""
+        return self._rows[contestant.settings.scene, contestant.name, target]
+
+    @cached_property
+    def _crossings(self) -> Mapping[Any, Frame]:
+        return dict(iter(self.crossings.groupby([*CONTESTANT_KEYS, "measure"], sort=False)))
+
+    def crossings_of(self, contestant: Contestant, target: float) -> Frame:
+        """The rows of `crossings` of a contestant's runs, by block, in each reading."""
+        return self._crossings[contestant.settings.scene, contestant.name, measure_of(target)]
 
 
 class Group(NamedTuple):
@@ -145,7 +167,7 @@ class Group(NamedTuple):
 def group_of(contestant: Contestant) -> Group:
     """The race that a contestant runs in."""
     s = contestant.settings
-    return Group(s.scene, contestant.race, s.size, s.division, s.machine)
+    return Group(s.scene, contestant.cells[0].reference_shader, s.size, s.division, s.machine)
 
 
 def raced_together(verdicts: Iterable[Verdict]) -> dict[Group, list[Verdict]]:
@@ -161,10 +183,9 @@ def ranked_together(verdicts: Iterable[Verdict]) -> dict[Group, list[Verdict]]:
     return raced_together(verdict for verdict in verdicts if not verdict.contestant.settings.label)
 
 
-def possible_winners(verdicts: Iterable[Verdict], index: int) -> list[Verdict]:
-    """Those of a race that may be the fastest to the target of `index`, by their mean times."""
-    found = [verdict for verdict in verdicts if verdict.possible_winner[index]]
-    return sorted(found, key=lambda verdict: verdict.warm[index].value)
+def measure_of(target: float | None) -> str:
+    """`time to 0.01`; without a target seconds per sample."""
+    return PER_SAMPLE if target is None else f"time to {target:.15g}"
 
 
 def seconds_per_sample(contestant: Contestant) -> dict[int, float]:

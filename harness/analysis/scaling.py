@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from harness.analysis.comparisons import comparisons
+from harness.analysis import axes
 from harness.analysis.model import Analysis, seconds_per_sample
 from harness.statistics import Estimate, geometric_interval, mean_interval
 from harness.store.records import Cell
@@ -20,15 +20,18 @@ Samples = dict[int, dict[int, float]]
 
 
 class ScalingExponent(NamedTuple):
-    """d log seconds / d log size between two sizes: 0 is no growth, 1 proportion. Interval: Student's over blocks."""
+    """d log seconds / d log size between two sizes: 0 is no growth, 1 proportion. Interval: Student's over blocks.
 
-    contestant: Contestant
+    `exponent` is that over all sizes, `exponent_last` that between the two largest.
+    """
+
+    contestant: str
     cost: str
     over: str
     smallest: int
     largest: int
-    whole: Estimate
-    last: Estimate
+    exponent: Estimate
+    exponent_last: Estimate
 
 
 def primitives(contestant: Contestant) -> int:
@@ -42,7 +45,7 @@ def pixels(cell: Cell) -> int:
 def families(analysis: Analysis, axis: str, size: Callable[[Contestant], int]) -> list[list[Contestant]]:
     """Contestants that differ in one setting alone, three or more different sizes, the smallest first."""
     timed = [c for c in (verdict.contestant for verdict in analysis.verdicts) if seconds_per_sample(c) and size(c)]
-    ordered = [sorted(group, key=size) for group in comparisons((c for c in timed if not c.settings.label), axis)]
+    ordered = [sorted(group, key=size) for group in axes.families((c for c in timed if not c.settings.label), axis)]
     return [group for group in ordered if len({size(contestant) for contestant in group}) >= FEWEST]
 
 
@@ -70,7 +73,8 @@ def passes(contestant: Contestant) -> Samples:
         for point in cell.points:
             spp, seconds = point.samples - before[0], point.seconds - before[1]
             found.setdefault(point.spp, {})[cell.block] = seconds / (spp * pixels(cell))
-            before = point.samples, point.seconds
+            if not cell.separate_renders:
+                before = point.samples, point.seconds
     return dict(sorted(found.items()))
 
 
@@ -92,7 +96,8 @@ def _exponents(contestant: Contestant, cost: str, over: str, seconds: Samples) -
     timed = {size: {b: s for b, s in blocks.items() if s > 0} for size, blocks in sorted(seconds.items())}
     sizes = [size for size, blocks in timed.items() if blocks]
     if len(sizes) >= FEWEST:
-        yield ScalingExponent(contestant, cost, over, sizes[0], sizes[-1], exponent(timed, sizes), exponent(timed, sizes[-2:]))
+        exponents = exponent(timed, sizes), exponent(timed, sizes[-2:])
+        yield ScalingExponent(contestant.name, cost, over, sizes[0], sizes[-1], *exponents)
 
 
 def exponent(seconds: Samples, sizes: Sequence[int]) -> Estimate:
@@ -106,5 +111,5 @@ def exponent(seconds: Samples, sizes: Sequence[int]) -> Estimate:
 
 def thread_families(results: Results) -> list[list[Contestant]]:
     """Measured contestants that differ in threads alone, two or more, by rising thread count."""
-    families = comparisons(filter(seconds_per_sample, results.contestants), "threads")
+    families = axes.families(filter(seconds_per_sample, results.contestants), "threads")
     return [sorted(family, key=lambda c: c.settings.threads) for family in families if len(family) > 1]

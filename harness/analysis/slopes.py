@@ -6,7 +6,7 @@ import numpy as np
 
 from harness.statistics import Curve, Slope, common_samples, convergence_slope
 from harness.store.records import Cell, Settings
-from harness.store.results import Results
+from harness.store.results import Results, curve_of
 
 
 def slopes(results: Results) -> dict[Settings, Slope]:
@@ -21,6 +21,6 @@ def slopes(results: Results) -> dict[Settings, Slope]:
 
 def _at_equal_samples(results: Results, cell: Cell) -> Curve:
     """A cell's curve, its errors those of `spp` independent samples where the engine took more."""
-    curve = results.curve(cell, results.relative_metric)
+    curve = curve_of(cell.points, results.relative_metric, cell.smooth_sampler, cell.reproducible)
     more = np.array([point.samples / point.spp for point in cell.points])
     return curve._replace(error=curve.error * more, se=curve.se * more)

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 
 from harness.analysis import archived_verdicts
 from harness.analysis.archived_verdicts import FromImages
-from harness.analysis.baselines import baseline_of, engine_order, nearest_of_engine
+from harness.analysis.baselines import engine_order, nearest_of_engine
 from harness.analysis.conduct import conduct_flags
 from harness.analysis.equivalence import Replicates, compared, engine_pairs, pictured_spp, shared_spp
 from harness.analysis.image_flags import image_flags
 from harness.analysis.model import Analysis, Group, Verdict, group_of
-from harness.analysis.races import run_races
 from harness.analysis.slopes import slopes
 from harness.metrics import as_error
 from harness.statistics import (
@@ -23,31 +21,44 @@ from harness.statistics import (
     bias_estimate,
     efficiency,
     geometric_interval,
-    time_to_quality,
     too_good_per_sample,
 )
 from harness.statistics.bias import RadianceSample, radiance_sample
 from harness.statistics.equivalence import shared_alpha
 from harness.store.records import Cell, Point
-from harness.store.results import PHASES, Contestant, Results, fixed_seconds, phase_seconds, point_error
+from harness.store.results import PHASES, Contestant, Results, phase_seconds, point_error
 
 
 def analyse(results: Results) -> Analysis:
     """Draws all conclusions; reads the last image of every cell for bias and equivalence."""
+    from harness.analysis import comparisons, crossings, measurements  # pandas, which takes half a second to import
+
     images, known, engine = Replicates(results), archived_verdicts.read_archived(results), baseline_engine_of(results)
     slope_of = slopes(results)
     measured = [contestant for contestant in results.contestants if contestant.done]
-    groups: dict[Group, list[Contestant]] = {}
+    closed: dict[Group, list[Contestant]] = {}
     for contestant in measured:
-        groups.setdefault(group_of(contestant), []).append(contestant)
+        if contestant.settings.division == "closed":
+            closed.setdefault(group_of(contestant), []).append(contestant)
     found = {
-        contestant: _verdict(results, contestant, groups, engine, slope_of[contestant.settings], images, known)
+        contestant: _verdict(results, contestant, closed, engine, slope_of[contestant.settings], images, known)
         for contestant in sorted(measured, key=lambda c: (c.settings.scene, c.settings.shader))  # those that share images
     }
-    pairs = engine_pairs(results, images, known.pairs)
-    races = run_races(results, [found[contestant] for contestant in measured])
-    verdicts = [replace(found[contestant], **races.raced[contestant]._asdict()) for contestant in measured]
-    return Analysis(results, verdicts, engine, races.floors, races.separated, pairs)
+    verdicts = [found[contestant] for contestant in measured]
+    targets = dict(zip(results.targets, error_targets(results), strict=True))
+    crossed = crossings.crossings(measurements.points(results).frame, measurements.cells(results).frame, targets)
+    pairs = comparisons.pairs(results, verdicts)
+    floors = comparisons.noise_floors(crossed, pairs)
+    return Analysis(
+        results,
+        verdicts,
+        engine,
+        crossed,
+        crossings.times_to_quality(crossed),
+        comparisons.comparisons(crossed, pairs, floors, results.config.same_within),
+        floors,
+        engine_pairs(results, images, known.pairs),
+    )
 
 
 def baseline_engine_of(results: Results) -> str:
@@ -58,27 +69,22 @@ def baseline_engine_of(results: Results) -> str:
 def _verdict(
     results: Results,
     contestant: Contestant,
-    groups: Mapping[Group, list[Contestant]],
+    closed: Mapping[Group, list[Contestant]],
     engine: str,
     slope: Slope,
     images: Replicates,
     known: FromImages,
 ) -> Verdict:
-    """All but what its race says. Images are compared with those of the closed division, also those of the open one."""
+    """Images are compared with those of the closed division, also those of the open one."""
     settings, done = contestant.settings, contestant.done
-    curves = [results.curve(cell) for cell in contestant.runs]
-    fixed = [fixed_seconds(cell) for cell in contestant.runs]
     ends = [cell.end for cell in done]
-    against, factors = baseline_of(contestant, groups[group_of(contestant)], results) or (None, "")
-    nearest = nearest_of_engine(contestant, groups.get(group_of(contestant)._replace(division="closed"), ()), engine)
-    baseline = None if nearest == contestant else nearest
+    nearest = nearest_of_engine(contestant, closed.get(group_of(contestant)._replace(division="closed"), ()), engine)
+    image_baseline = None if nearest == contestant else nearest
     bias, radiance = _bias(results, contestant, images)
     bias = bias or known.bias.get(settings)
-    equivalence = _equivalence(results, contestant, baseline, images) or known.baseline.get(settings)
+    equivalence = _equivalence(results, contestant, image_baseline, images) or known.baseline.get(settings)
     return Verdict(
         contestant,
-        warm=[time_to_quality(curves, [0.0] * len(curves), target) for target in error_targets(results)],
-        cold=[time_to_quality(curves, fixed, target) for target in error_targets(results)],
         slope=slope,
         final_error=geometric_interval([point_error(end, results.metric)[0] for end in ends]),
         final_spp=geometric_interval([float(end.spp) for end in ends]),
@@ -86,16 +92,14 @@ def _verdict(
         samples_per_second=geometric_interval([_rate(_samples(cell), cell.end) for cell in done]),
         rays_per_second=geometric_interval([_rate(end.rays, end) for end in ends]),
         phases={phase: geometric_interval([phase_seconds(cell, phase) for cell in done]) for phase in PHASES},
-        baseline=baseline,
-        against=against,
-        factors=factors,
+        image_baseline=image_baseline,
         bias=bias,
         radiance=radiance,
         equivalence=equivalence,
         flags=[
             *image_flags(results, contestant, bias, equivalence),
             *conduct_flags(contestant, bias),
-            *["too_good_per_sample"] * (baseline is not None and _too_good(results, contestant, baseline)),
+            *["too_good_per_sample"] * (image_baseline is not None and _too_good(results, contestant, image_baseline)),
             *["contended"] * any(cell.machine.contended for cell in done),
             *["own_clock"] * any(map(reports_its_time, done)),
         ],

@@ -18,15 +18,15 @@ from pandas.api import types
 
 from engines.errors import ConfigError, UnknownName
 from engines.registry import load_attribute
-from harness.analysis import Analysis, frames
+from harness.analysis import Analysis, frames, measurements
 from harness.analysis.columns import Column, Table, rows_of
 from harness.report.plots.chart import Picture
 from harness.report.plots.style import file_stem, formats
 
 GROUPS = {"plot": "raybench.plots", "table": "raybench.tables"}
 FRAMES: dict[str, Callable[[Analysis], Table]] = {
-    "points": lambda analysis: frames.points(analysis.results),
-    "cells": lambda analysis: frames.cells(analysis.results),
+    "points": lambda analysis: measurements.points(analysis.results),
+    "cells": lambda analysis: measurements.cells(analysis.results),
     "times_to_quality": frames.times_to_quality,
     "verdicts": frames.verdicts,
 }

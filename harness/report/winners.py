@@ -2,36 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf, isfinite
+from typing import Any
 
 from harness.analysis import Analysis
-from harness.analysis.model import NOISY, Verdict, possible_winners
+from harness.analysis.columns import estimate_of
+from harness.analysis.model import Verdict
 from harness.metrics import metric_title
 from harness.report.plots.panels import Panel, panels
 from harness.report.tables.model import estimate_text
-from harness.statistics import QualityTime
 
 MOST_NAMES = 4
 
 
 @dataclass(frozen=True)
 class Standing:
-    """Who may be the fastest of a panel to the target of `index`, by mean times: one of `possible` is the fastest, several are
-    not separated, and where there is none, none that reached it is ranked."""
+    """Who may be the fastest of a panel to a target, by mean times: one of `possible` is the fastest, several are not
+    separated, and where there is none, none that reached it is ranked. `rows`: of `Analysis.by_target`, one a verdict."""
 
     panel: Panel
-    index: int
-    possible: list[Verdict]
+    rows: list[Any]
 
     @property
-    def reached(self) -> list[Verdict]:
-        return [verdict for verdict in self.panel.verdicts if verdict.warm[self.index].reached]
+    def possible(self) -> list[tuple[Verdict, Any]]:
+        found = [(verdict, row) for verdict, row in zip(self.panel.verdicts, self.rows, strict=True) if row.possible_winner]
+        return sorted(found, key=lambda pair: pair[1].seconds)
 
     @property
-    def ranked(self) -> list[Verdict]:
-        return [verdict for verdict in self.panel.verdicts if not verdict.disqualified]
+    def reached(self) -> list[Any]:
+        return [row for row in self.rows if row.reached]
+
+    @property
+    def ranked(self) -> list[Any]:
+        return [row for row in self.rows if row.ranked]
 
     @property
     def left_out(self) -> list[str]:
@@ -42,26 +46,41 @@ class Standing:
     @property
     def noisy(self) -> int:
         """How many are ranked by times that the reference's noise may have moved."""
-        return sum(NOISY in verdict.flags_of(self.index) for verdict in self.ranked)
+        return sum(not row.reliable for row in self.ranked)
+
+    def ratio_of(self, row: Any) -> tuple[str, str]:
+        """The paired ratio to its baseline. Where it is itself the baseline of others, the inverse of the fastest of them."""
+        if isfinite(row.ratio) and row.ratio > 0:
+            return estimate_text(estimate_of(row, "ratio")), row.baseline
+        rivals = [
+            each
+            for each in self.ranked
+            if each.baseline == row.contestant and 0 < each.ratio_low <= each.ratio <= each.ratio_high < inf
+        ]
+        if not rivals:
+            return "", ""
+        rival = min(rivals, key=lambda each: each.seconds)
+        return estimate_text((1 / rival.ratio, 1 / rival.ratio_high, 1 / rival.ratio_low)), rival.contestant
 
 
-def standing(panel: Panel, index: int) -> Standing:
-    """Who is the fastest of a panel to the target of `index`."""
-    return Standing(panel, index, possible_winners(panel.verdicts, index))
+def standing(analysis: Analysis, panel: Panel, target: float) -> Standing:
+    """Who is the fastest of a panel to a target."""
+    return Standing(panel, [analysis.at(verdict.contestant, target) for verdict in panel.verdicts])
 
 
 def winners_text(analysis: Analysis) -> str:
     """A heading and a line for each panel and target; empty where nothing was compared."""
-    targets = list(enumerate(analysis.results.targets))
     found = [
-        f"  {panel.title} to {target:g}: {_line(standing(panel, i))}" for panel in panels(analysis) for i, target in targets
+        f"  {panel.title} to {target:g}: {_line(standing(analysis, panel, target))}"
+        for panel in panels(analysis)
+        for target in analysis.results.targets
     ]
     heading = f"Fastest to each target in {metric_title(analysis.results.metric)}, in seconds of rendering:"
     return "\n".join([heading, *found, ""]) if found else ""
 
 
 def _line(of: Standing) -> str:
-    unranked = sum(verdict.disqualified for verdict in of.reached)
+    unranked = sum(not row.ranked for row in of.reached)
     return _fastest(of) + (f"; {unranked} flagged, so not ranked" if unranked else "")
 
 
@@ -69,37 +88,18 @@ def _fastest(of: Standing) -> str:
     if not of.possible:
         return "none of those that reached it is ranked" if of.reached else "not reached"
     if len(of.possible) > 1:
-        names = [verdict.contestant.name for verdict in of.possible]
+        names = [row.contestant for _, row in of.possible]
         more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
         return f"not separated ({len(names)}): {', '.join(names[:MOST_NAMES])}{more}"
-    (best,) = of.possible
-    words = f"{best.contestant.name}, {seconds_text(best.warm[of.index])}"
-    ratio, other = ratio_of(best, of.panel.verdicts, of.index)
+    ((_, best),) = of.possible
+    words = f"{best.contestant}, {seconds_text(best)}"
+    ratio, other = of.ratio_of(best)
     if ratio:
         words += f"; {ratio} times as fast as {other}"
-    alone = "no other reached it" if len(of.panel.verdicts) > 1 else "it ran alone"
+    alone = "no other reached it" if len(of.rows) > 1 else "it ran alone"
     return words + ("" if len(of.reached) > 1 else f"; {alone}")
 
 
-def seconds_text(quality: QualityTime) -> str:
-    """Seconds to a target with their interval."""
-    return estimate_text((quality.value, quality.low, quality.high))
-
-
-def ratio_of(verdict: Verdict, verdicts: Sequence[Verdict], index: int) -> tuple[str, str]:
-    """The paired ratio to its baseline. Where it is itself the baseline of others, the inverse of the fastest of them."""
-    own = verdict.quality_speedups[index]
-    if own is not None and verdict.against is not None and isfinite(own.ratio) and own.ratio > 0:
-        return estimate_text((own.ratio, own.low, own.high)), verdict.against.name
-    rivals = [
-        (each, ratio)
-        for each in verdicts
-        if each.against is verdict.contestant
-        and not each.disqualified
-        and (ratio := each.quality_speedups[index]) is not None
-        and 0 < ratio.low <= ratio.ratio <= ratio.high < inf
-    ]
-    if not rivals:
-        return "", ""
-    rival, ratio = min(rivals, key=lambda pair: pair[0].warm[index].value)
-    return estimate_text((1 / ratio.ratio, 1 / ratio.high, 1 / ratio.low)), rival.contestant.name
+def seconds_text(row: Any) -> str:
+    """Seconds of rendering until a target, with their interval."""
+    return estimate_text(estimate_of(row, "seconds"))

@@ -3,68 +3,43 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 from harness.statistics.convergence import CLEAR_ERRORS, Curve
 from harness.statistics.crossings import Bound, Crossing, Reading, find_crossing
 from harness.statistics.intervals import Estimate, bounded_interval, geometric_interval
 
 
-@dataclass(frozen=True, slots=True)
-class QualityTime:
-    """Seconds until the error is `target`: geometric mean over seeds with Student's interval on the logarithms.
+class QualityTime(NamedTuple):
+    """Seconds until an error is reached: geometric mean over seeds with Student's interval on the logarithms.
 
-    `reached` of `seeds` reached it; `at_first` of those did so at their first checkpoint. `crossings` has the seconds of
-    each seed: equal ends where they are known; (0, x] where it was there at its first checkpoint; [x, inf) where it was not
-    there after x seconds, and ended or failed. `value` is infinite where some seed did not get there. `reliable`: wherever
-    this was decided, the error stood 10 standard errors of the reference's noise above zero; False also where those are
-    not known. `reading` is that of `find_crossing`.
+    `reached` of `seeds` reached it; `at_first` of those did so at their first checkpoint. `seconds` is infinite where some seed
+    did not get there; `low` is 0 where some seed was there at its first checkpoint. `reliable`: wherever this was decided, the
+    error stood 10 standard errors of the reference's noise above zero; False also where those are not known.
     """
 
-    target: float
-    value: float
+    seconds: float
     low: float
     high: float
     reached: int
     at_first: int
     seeds: int
-    crossings: tuple[Bound, ...]
     reliable: bool
-    reading: Reading
-
-    def verdict(self) -> str:
-        """`5/5`, as the tables print it; `5/5 ≤` says that some times are upper bounds."""
-        return f"{self.reached}/{self.seeds}{' ≤' if self.at_first else ''}"
 
 
-def time_to_quality(
-    curves: Sequence[Curve], fixed_seconds: Sequence[float], target: float, reading: Reading | None = None
-) -> QualityTime:
-    """Over seeds: fixed seconds, and the seconds of rendering until the error is `target`.
+def time_to_quality(crossings: Sequence[Crossing], fixed_seconds: Iterable[float] = ()) -> QualityTime:
+    """Over seeds, by the crossings of all of them in seconds of rendering, see `crossing_seconds`.
 
-    `fixed_seconds` is 0 for warm times, import + load + build + compilation for cold ones. Without `reading` it is
-    `interpolated` for smooth samplers, `first` for others (see `find_crossing`). Where errors are reproducible, the
-    crossing is found in samples, and takes them times the seconds per sample of the whole seed: a mean over the longest
-    time that there is. A seed that failed before its first checkpoint has an empty curve.
+    `fixed_seconds`, one a seed, are added: import + load + build + compilation for cold times; without them times are warm.
     """
-    own = reading or reading_of(curves)
-    found = [crossing_seconds(each, target, own) for each in curves]
-    bounds = tuple(Bound(fixed + x.low, fixed + x.high) for fixed, (x, _, _) in zip(fixed_seconds, found, strict=True))
-    value, low, high, _ = bounded_interval([bound.low for bound in bounds], [bound.high for bound in bounds])
-    states = [crossing.state for crossing in found]
-    return QualityTime(
-        target,
-        value,
-        low,
-        high,
-        reached=len(states) - states.count("censored"),
-        at_first=states.count("at_first"),
-        seeds=len(states),
-        crossings=bounds,
-        reliable=all(c.noise <= 1 / CLEAR_ERRORS for c in found),
-        reading=own,
-    )
+    fixed = list(fixed_seconds) or [0.0] * len(crossings)
+    ends = [[start + crossing.x[end] for start, crossing in zip(fixed, crossings, strict=True)] for end in (0, 1)]
+    seconds, low, high, _ = bounded_interval(*ends)
+    states = [crossing.state for crossing in crossings]
+    reliable = all(crossing.noise <= 1 / CLEAR_ERRORS for crossing in crossings)
+    reached, at_first = len(states) - states.count("censored"), states.count("at_first")
+    return QualityTime(seconds, low, high, reached, at_first, len(states), reliable)
 
 
 def reading_of(curves: Sequence[Curve]) -> Reading:
@@ -73,7 +48,11 @@ def reading_of(curves: Sequence[Curve]) -> Reading:
 
 
 def crossing_seconds(each: Curve, target: float, reading: Reading | None = None) -> Crossing:
-    """The crossing of one seed in seconds of rendering, by its own reading or another one."""
+    """The crossing of one seed in seconds of rendering, by its own reading or another one.
+
+    Where errors are reproducible, it is found in samples, and takes them times the seconds per sample of the whole seed: a mean
+    over the longest time that there is. A seed that failed before its first checkpoint has an empty curve.
+    """
     reading = reading or reading_of([each])
     if not each.reproducible or not each.samples.size:
         return find_crossing(each.seconds, each.error, each.se, target, reading)

@@ -380,6 +380,19 @@ class Rendered(Measurement):
         )
 
     @property
+    def reference_shader(self) -> Choice:
+        """The shader of the reference: the cell's own, unless the experiment has one for all cells."""
+        return self.raced or self.shader
+
+    @property
+    def render_seconds(self) -> float | None:
+        """Seconds inside the render calls of all checkpoints; None before the first. In a cell of `separate_renders` the phase
+        has those of the last call alone."""
+        if self.separate_renders and self.points:
+            return sum(point.seconds for point in self.points)
+        return self.phases.render_seconds
+
+    @property
     def end(self) -> Point:
         """The last checkpoint, of a cell that has one."""
         return self.points[-1]

@@ -58,11 +58,6 @@ class Contestant:
     cells: tuple[Cell, ...] = field(compare=False)
     name: str = field(default="", compare=False)
 
-    @property
-    def race(self) -> Choice:
-        """The shader whose image it races towards, that of the reference: its own, unless the config has one for all."""
-        return self.cells[0].raced or self.settings.shader
-
     @cached_property
     def done(self) -> list[Cell]:
         """Cells that were measured to their end."""
@@ -127,10 +122,6 @@ class Results:
         """The scene's contestants that have something to show."""
         return [c for c in self.contestants if c.settings.scene == scene and c.done]
 
-    def curve(self, cell: Cell, metric: str = "") -> Curve:
-        """A cell's error by `metric`, which is that of the targets without one: see `point_error`."""
-        return curve_of(cell.points, metric or self.metric, cell.smooth_sampler, cell.reproducible)
-
     def reference(self, reference_id: str | None) -> Reference | None:
         """The reference's arrays; None where it is missing or unreadable."""
         found = self.references.get(reference_id or "")
@@ -194,7 +185,8 @@ def results_of(folder: Path, manifest: Manifest, events: Sequence[AnyEvent]) -> 
 
 def phase_seconds(cell: Measurement, phase: str) -> float:
     """Seconds of a phase, one of `PHASES`; 0 where it was not recorded."""
-    value: float | None = getattr(cell.phases, f"{phase}_seconds")
+    rendered = phase == "render" and isinstance(cell, Cell)
+    value: float | None = cell.render_seconds if rendered else getattr(cell.phases, f"{phase}_seconds")
     return value if value is not None and math.isfinite(value) else 0.0
 
 

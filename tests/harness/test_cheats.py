@@ -49,17 +49,26 @@ def swept(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def verdicts(swept):
+def analysis(swept):
+    return analyse(load_results(swept))
+
+
+@pytest.fixture(scope="module")
+def verdicts(analysis):
     """Engine and label -> the verdict."""
-    settings = [(v.contestant.settings, v) for v in analyse(load_results(swept)).verdicts]
+    settings = [(v.contestant.settings, v) for v in analysis.verdicts]
     return {(each.engine, each.label): verdict for each, verdict in settings}
 
 
 @pytest.mark.parametrize(("name", "flag"), cheating_engines.FLAGS.items())
-def test_a_cheat_is_flagged_by_name_and_not_ranked(verdicts, name, flag):
+def test_a_cheat_is_flagged_by_name_and_not_ranked(analysis, verdicts, name, flag):
     verdict = verdicts[getattr(cheating_engines, name).name, ""]
     assert flag in verdict.flags and FLAGS[flag] in " ".join(verdict.warnings)
-    assert flag not in OF_THE_TIME and verdict.disqualified and not any(verdict.possible_winner)
+    assert (
+        flag not in OF_THE_TIME
+        and verdict.disqualified
+        and not any(analysis.at(verdict.contestant, target).possible_winner for target in analysis.results.targets)
+    )
 
 
 @pytest.mark.parametrize(("name", "words"), cheating_engines.REFUSED.items())

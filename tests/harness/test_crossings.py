@@ -6,7 +6,18 @@ import math
 import numpy as np
 import pytest
 
-from harness.statistics import Bound, common_samples, convergence_slope, crossing_seconds, curve, find_crossing, time_to_quality
+from harness.report.tables.model import reached_text
+from harness.statistics import (
+    Bound,
+    common_samples,
+    convergence_slope,
+    crossing_seconds,
+    curve,
+    find_crossing,
+    geometric_interval,
+    reading_of,
+    time_to_quality,
+)
 from harness.statistics.crossings import monotone_fit
 
 CHECKPOINTS = np.array([1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256])
@@ -122,12 +133,17 @@ def seeds_curves(rng, seeds=5, **kind):
     return [curve(CHECKPOINTS, 0.01 * CHECKPOINTS, rng.lognormal(0, 0.1) / CHECKPOINTS, **kind) for _ in range(seeds)]
 
 
+def crossings_of(curves, target, reading=None):
+    """The crossings of a contestant's seeds, by its own reading or another one."""
+    return [crossing_seconds(each, target, reading or reading_of(curves)) for each in curves]
+
+
 def test_a_contestant_is_read_as_its_sampler_is():
     smooth, patterned = (seeds_curves(np.random.default_rng(1), smooth=kind) for kind in (True, False))
-    own = [time_to_quality(curves, [0.0] * 5, 0.1) for curves in (smooth, patterned)]
-    assert [each.reading for each in own] == ["interpolated", "first"]
-    assert time_to_quality(smooth, [0.0] * 5, 0.1, "first").crossings == own[1].crossings != own[0].crossings
-    assert time_to_quality(patterned, [0.0] * 5, 0.1, "interpolated").crossings == own[0].crossings
+    own = [crossings_of(curves, 0.1) for curves in (smooth, patterned)]
+    assert [reading_of(curves) for curves in (smooth, patterned)] == ["interpolated", "first"]
+    assert crossings_of(smooth, 0.1, "first") == own[1] != own[0]
+    assert crossings_of(patterned, 0.1, "interpolated") == own[0]
 
 
 def test_reproducible_errors_take_the_noise_of_single_passes_out_of_times():
@@ -148,18 +164,21 @@ def test_reproducible_errors_take_the_noise_of_single_passes_out_of_times():
 
 def test_cold_time_adds_what_came_before_the_first_ray():
     curves = seeds_curves(np.random.default_rng(1), smooth=True, reproducible=True)
-    warm, cold = (time_to_quality(curves, [fixed] * 5, 0.1) for fixed in (0.0, 2.0))
-    assert [c.low - w.low for w, c in zip(warm.crossings, cold.crossings, strict=True)] == pytest.approx([2.0] * 5)
+    found = crossings_of(curves, 0.1)
+    warm, cold = (time_to_quality(found, fixed) for fixed in ([], [2.0] * 5))
+    expected = geometric_interval([2.0 + crossing.x.low for crossing in found])
+    assert cold[:3] == pytest.approx(expected[:3]) and cold[3:] == warm[3:] and warm.seconds < cold.seconds - 1.9
 
 
 def test_what_was_not_reached_stays_a_bound():
     """Two that fell short after 2 s, one that failed after 1 s, one that failed at once, one that was there at first."""
     curves = [curve([1, 2], [1, 2], [1, 0.5])] * 2 + [curve([1], [1], [1]), curve([], [], []), curve([1], [1], [0.1])]
     for reading in ("first", "interpolated"):
-        found = time_to_quality(curves, [0.0] * 5, 0.1, reading)
-        assert found.crossings == ((2, math.inf), (2, math.inf), (1, math.inf), (0, math.inf), (0, 1))
-        assert found.verdict() == "1/5 ≤" and (found.reached, found.at_first, found.seeds) == (1, 1, 5)
-        assert found.value == math.inf
+        each = crossings_of(curves, 0.1, reading)
+        assert [one.x for one in each] == [(2, math.inf), (2, math.inf), (1, math.inf), (0, math.inf), (0, 1)]
+        found = time_to_quality(each)
+        assert reached_text(found) == "1/5 ≤" and (found.reached, found.at_first, found.seeds) == (1, 1, 5)
+        assert found.seconds == math.inf
 
 
 def test_a_time_is_reliable_where_its_error_stands_ten_standard_errors_above_zero():
@@ -167,7 +186,7 @@ def test_a_time_is_reliable_where_its_error_stands_ten_standard_errors_above_zer
     for noise, reliable in ((0.05, True), (0.099, True), (0.11, False), (math.nan, False)):
         for smooth in (True, False):
             cells = [curve(CHECKPOINTS, CHECKPOINTS, errors, noise * errors, smooth=smooth)] * 2
-            reached, short = (time_to_quality(cells, [0.0] * 2, target) for target in (0.1, 1e-6))
+            reached, short = (time_to_quality(crossings_of(cells, target)) for target in (0.1, 1e-6))
             assert (reached.reached, reached.reliable) == (2, reliable)
             assert (short.reached, short.reliable) == (0, reliable)
 
@@ -175,8 +194,8 @@ def test_a_time_is_reliable_where_its_error_stands_ten_standard_errors_above_zer
 def test_nothing_is_raised_by_the_noise_of_the_reference():
     """An error far below the noise holds the target, and is not reliable; formerly it counted as three standard errors."""
     cells = [curve([1, 2, 4], [1, 2, 4], [1, 1e-5, 1e-6], [1e-3] * 3)]
-    found = time_to_quality(cells, [0.0], 1e-4)
-    assert found.crossings == ((2, 2),) and not found.reliable
+    (found,) = crossings_of(cells, 1e-4)
+    assert found.x == (2, 2) and not time_to_quality([found]).reliable
 
 
 @pytest.mark.parametrize("error", [math.nan, math.inf, 0.0, -1.0, 1e300, 5e-324])
@@ -184,7 +203,7 @@ def test_nothing_is_raised_by_the_noise_of_the_reference():
 def test_numbers_at_the_ends_of_their_range_give_no_exception(error, smooth):
     with np.errstate(all="raise"):
         odd = curve([1, 2], [0.1, 0.2], [error, error], [error, error], smooth=smooth)
-        quality = time_to_quality([odd, odd], [0.0, 0.0], 1e-3)
+        quality = time_to_quality(crossings_of([odd, odd], 1e-3))
         assert quality.reached == (2 if error in (0.0, -1.0, 5e-324) else 0) and not quality.reliable
         assert convergence_slope([odd, odd], common_samples([[odd, odd]])).verdict == "unknown"
 

@@ -46,6 +46,8 @@ def test_points_are_the_checkpoints_of_the_events(opened, events):
             row = points.loc[(cell.cell_id, point.spp)]
             assert row.seconds == point.seconds and row.rays == point.rays and row.block == cell.block
             assert row["relmse_e0.01"] == point.metrics["relmse_e0.01"]
+            assert (row.error, row.error_se) == (point.metrics["relmse_e0.01_corrected"], point.metrics["relmse_e0.01_se"])
+            assert row.mean_spp == point.spp and pd.isna(row.film_variance) and not row.separate_renders
             start = sum(getattr(cell.phases, f"{phase}_seconds") for phase in ("import", "load", "build", "compile"))
             assert row.cold_seconds == pytest.approx(start + point.seconds, rel=1e-12)
             assert row.image == point.image or (pd.isna(row.image) and point.image is None)
@@ -60,6 +62,8 @@ def test_cells_are_those_of_the_events_whatever_became_of_them(opened, events):
         assert (row.engine, row.state, row.message, row.threads) == tuple(
             getattr(cell, key) for key in ("engine", "state", "message", "threads")
         )
+        assert (row.reference_id, row.reference_shader) == (cell.reference_id, str(cell.shader))
+        assert (row.smooth_sampler, row.reproducible, row.primitives) == ("random" in cell.cell_id, True, 0)
         found = cell.phases.render_seconds
         assert row.render_seconds == found or (found is None and math.isnan(row.render_seconds))
 
@@ -193,6 +197,12 @@ def test_a_folder_that_cannot_be_opened_is_one_clear_line(tmp_path, change, mess
 def damaged(folder, name, text):
     write_folder(folder, seeds=1, with_images=False)
     (folder / name).write_text(text)
+
+
+def test_a_run_imports_no_pandas():
+    script = "import sys, harness.analysis, harness.run.sweep; print('pandas' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
 
 
 def test_importing_the_harness_imports_neither_pandas_nor_numpy():

@@ -92,8 +92,8 @@ def test_machines_share_no_panel_no_baseline_and_no_verdict(merged):
     machines = [{v.contestant.settings.machine for v in panel.verdicts} for panel in panels(analysis)]
     assert machines == [{"env0"}, {"env1"}]
     for verdict in analysis.verdicts:
-        if verdict.baseline is not None:
-            assert verdict.baseline.settings.machine == verdict.contestant.settings.machine
+        if verdict.image_baseline is not None:
+            assert verdict.image_baseline.settings.machine == verdict.contestant.settings.machine
     assert all(v.contestant.settings.machine in v.contestant.name for v in analysis.verdicts)
 
 

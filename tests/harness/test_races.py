@@ -175,15 +175,15 @@ def test_a_scenes_floor_is_at_least_the_runs_median(tmp_path):
     for scene, factor in zip("abc", (1.01, 1.05, 1.2), strict=True):
         made += [contestant(0.01, scene=scene, noise=0), contestant(0.01 * factor, scene=scene, noise=0, label=TWIN)]
     found = analyse(results(tmp_path, *made))
-    floors = [math.expm1(found.floor(scene, 1)) for scene in "abc"]
+    floors = [math.expm1(found.floor(scene, 0.01)) for scene in "abc"]
     assert floors == pytest.approx([0.05, 0.05, 0.2])
-    assert found.separated >= {("c", 1)}, "twins that always differ by 20 % are no noise"
+    assert found.separated >= {("c", "time to 0.01")}, "twins that always differ by 20 % are no noise"
 
 
 def test_the_floor_of_a_target_that_twins_missed_is_that_of_the_nearest_they_reached(tmp_path):
     slow = twins(level=2.0, noise=0.05)  # ends at 2 / 128: the first target alone
     found = analyse(results(tmp_path, slow, contestant(0.005, engine="embree")))
-    assert found.floor("hall", 1) == found.floor("hall", 0) > 0
+    assert found.floor("hall", 0.01) == found.floor("hall", 0.1) > 0
 
 
 def test_separated_twins_leave_a_scene_unresolved(tmp_path):

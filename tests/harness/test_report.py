@@ -15,11 +15,11 @@ from engines.errors import ConfigError
 from harness.analysis import analyse
 from harness.report import write_derived
 from harness.report.html.assembly import report_html
-from harness.report.html.overview import ratio_of
 from harness.report.html.pictures import busiest, packed, shrunk
 from harness.report.plots.panels import panels
 from harness.report.tables import all_tables
 from harness.report.tables.model import estimate_text
+from harness.report.winners import standing
 from harness.store.results import load_results
 
 DERIVED = ("points.csv", "ttq.csv", "phases.csv", "report.html", "tables/time_to_quality.md", "tables/columns.md")
@@ -144,20 +144,21 @@ def test_a_contestant_has_a_picture_by_each_rule_or_a_reason_for_none(page, fold
 
 
 def test_a_ratio_is_that_to_the_baseline_or_the_inverse_of_one_to_it(folder):
-    kinds = set()
-    for panel in panels(analyse(load_results(folder))):
-        for verdict in panel.verdicts:
-            text, other = ratio_of(verdict, panel.verdicts, 0)
-            own = verdict.quality_speedups[0]
-            theirs = {v.contestant.name: v.quality_speedups[0] for v in panel.verdicts if v.against is verdict.contestant}
+    kinds, analysis = set(), analyse(load_results(folder))
+    for panel in panels(analysis):
+        found = standing(analysis, panel, analysis.results.targets[0])
+        for row in found.rows:
+            text, other = found.ratio_of(row)
+            own = row.no_ratio == ""
+            theirs = {each.contestant: each for each in found.rows if each.baseline == row.contestant}
             kinds.add("own" if own else "inverse" if other else "none")
             if own:
-                assert verdict.against and other == verdict.against.name
-                assert text == estimate_text((own.ratio, own.low, own.high))
+                assert row.baseline and other == row.baseline
+                assert text == estimate_text((row.ratio, row.ratio_low, row.ratio_high))
             elif other:
                 numbers = [float(number) for number in re.findall(r"[\d.]+", text)]
                 ratio = theirs[other]
-                assert numbers == pytest.approx([1 / ratio.ratio, 1 / ratio.high, 1 / ratio.low], rel=0.01)
+                assert numbers == pytest.approx([1 / ratio.ratio, 1 / ratio.ratio_high, 1 / ratio.ratio_low], rel=0.01)
     assert kinds >= {"own", "inverse"}
 
 

@@ -3,7 +3,11 @@
 import numpy as np
 import pytest
 
-from harness.analysis.scaling import exponent
+from harness.analysis import analyse
+from harness.analysis.frames import ResultFrames
+from harness.analysis.scaling import exponent, passes
+from harness.report.tables import all_tables
+from tests.harness.test_races import SPP, contestant, results
 
 
 def powers(rng, power, blocks=5, sizes=(100, 1000, 10_000), noise=0.03):
@@ -36,3 +40,27 @@ def test_a_drift_of_the_machine_from_block_to_block_does_not_move_it():
 def test_blocks_that_lack_a_size_are_left_out():
     seconds = {10: {0: 1.0, 1: 1.0}, 100: {0: 10.0, 1: 10.0}, 1000: {1: 100.0}}
     assert exponent(seconds, sorted(seconds)).n == 1
+
+
+def separately(cell):
+    """Every checkpoint is a render of its own, which takes 0.05 s to begin."""
+    cell["separate_renders"] = True
+    for point in cell["points"]:
+        point["seconds"] += 0.05
+    cell["phases"] = {"render_seconds": cell["points"][-1]["seconds"]}
+
+
+def test_a_pass_of_separate_renders_is_the_whole_render(tmp_path):
+    found = results(tmp_path, contestant(0.01, noise=0, change=separately))
+    (one,) = found.contestants
+    area = one.settings.width * one.settings.height
+    expected = {spp: {block: (0.05 / spp + 0.01 * (1 + 0.1 * block)) / area for block in range(5)} for spp in SPP}
+    assert {spp: pytest.approx(blocks) for spp, blocks in expected.items()} == passes(one)
+
+
+def test_the_seconds_of_rendering_are_those_of_all_separate_renders(tmp_path):
+    """Renders of 1, 2, 4, ..., 128 samples take 255 times the seconds of a sample and 8 beginnings."""
+    found = results(tmp_path, contestant(0.01, noise=0, blocks=1, change=separately))
+    assert ResultFrames(found).cells.render_seconds.tolist() == pytest.approx([2.95])
+    (row,) = next(table for table in all_tables(analyse(found)) if table.name == "phases").rows
+    assert row["render_seconds"].value == pytest.approx(2.95)

@@ -11,7 +11,7 @@ from typing import Any
 
 import pandas as pd
 
-from harness.analysis import Analysis, error_targets, frames
+from harness.analysis import Analysis, error_targets, measurements
 from harness.report.chapter import figures, measures
 from harness.report.chapter.document import Listing, Paragraph, Section, TablePart
 from harness.report.chapter.families import (
@@ -97,7 +97,7 @@ def place(analysis: Analysis) -> list[str]:
 def limits(analysis: Analysis) -> Section:
     """What did not run, and how quiet the machine was."""
     results = analysis.results
-    cells = frames.by_contestant(frames.cells(results).frame, results)
+    cells = measurements.by_contestant(measurements.cells(results).frame, results)
     counted = listed([f"{number} {state}" for state, number in cells.state.value_counts().sort_index().items()])
     said = [f"Of {plural(len(cells), 'cell')}, {counted}."]
     missing = set(results.manifest.cell_ids) - set(cells.cell_id)

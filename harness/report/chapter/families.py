@@ -11,9 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from harness.analysis import Analysis, seconds_per_sample
-from harness.analysis.comparisons import comparisons
-from harness.analysis.races import race_of
+from harness.analysis import Analysis, axes, seconds_per_sample
+from harness.analysis.comparisons import race_of
 from harness.report.tables import Column
 from harness.statistics import Bound, Estimate, Race, Ratio, geometric_interval
 from harness.store.results import Contestant, choices_of, name_words
@@ -79,7 +78,7 @@ def families_along(analysis: Analysis, axis: str) -> list[Family]:
     named = {id(contestant): each for each, contestant in named_contestants(analysis)}
     left_out = {axis, *(("precision",) if axis == "accelerator" else ())}
     families = []
-    for group in comparisons([contestant for _, contestant in named_contestants(analysis)], *AXES[axis]):
+    for group in axes.families([contestant for _, contestant in named_contestants(analysis)], *AXES[axis]):
         held = {key: word for key, word in named[id(group[0])].items() if key not in left_out}
         families.append(Family(held, {named[id(contestant)][axis]: contestant for contestant in group}))
     return [family for family in families if len(family.members) > 1]

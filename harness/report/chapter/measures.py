@@ -7,12 +7,14 @@ import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from statistics import median
+from typing import Any
 
-from harness.analysis import Analysis, Verdict
-from harness.analysis.races import READINGS, times_read
+from harness.analysis import Analysis
+from harness.analysis.crossings import READINGS
 from harness.metrics import TRIMMED_FRACTION
 from harness.report.chapter.families import Family, Measure, estimate, named_contestants
 from harness.statistics import Bound, Estimate, Reading, geometric_interval
+from harness.statistics.convergence import NOISE_ERRORS
 from harness.store.results import Contestant, point_error
 
 
@@ -30,7 +32,7 @@ def errors_at(analysis: Analysis, spp: int | None) -> Measure:
         for cell in contestant.done:
             for point in cell.points:
                 error, spread = point_error(point, analysis.results.metric)
-                if point.spp == spp and error > 3 * spread:
+                if point.spp == spp and error > NOISE_ERRORS * spread:
                     errors[cell.block] = error
         return errors
 
@@ -49,9 +51,8 @@ def error_curve(analysis: Analysis, contestant: Contestant) -> dict[int, Estimat
 
 def hardest_target(analysis: Analysis, family: Family) -> int | None:
     """Index of the hardest target that every member reaches with every seed, none at its first checkpoint already."""
-    verdicts = [v for v in analysis.verdicts if any(v.contestant is member for member in family.members.values())]
-    for index in reversed(range(len(analysis.results.targets))):
-        found = [verdict.warm[index] for verdict in verdicts]
+    for index, target in reversed(list(enumerate(analysis.results.targets))):
+        found = [analysis.at(member, target) for member in family.members.values()]
         if all(quality.reached == quality.seeds for quality in found):
             return index if not any(quality.at_first for quality in found) else None
     return None
@@ -61,20 +62,26 @@ def times_to(analysis: Analysis, family: Family, index: int) -> Measure:
     """Warm seconds until the target of `index`, which all of a family reach; samplers whose curves are read differently are
     compared by either reading."""
 
-    def verdict_of(contestant: Contestant) -> Verdict:
-        return next(verdict for verdict in analysis.verdicts if verdict.contestant is contestant)
+    target = analysis.results.targets[index]
+
+    def own(contestant: Contestant) -> Any:
+        return analysis.crossings_of(contestant, target).query("own")
 
     def values(contestant: Contestant) -> Mapping[int, float]:
-        found = verdict_of(contestant).warm[index].crossings
-        return {cell.block: bound.high for cell, bound in zip(contestant.runs, found, strict=True)}
+        return dict(zip(own(contestant).block, own(contestant).high, strict=True))
 
     def read(way: Reading) -> Callable[[Contestant], Mapping[int, Bound]]:
-        return lambda contestant: times_read(analysis.results, verdict_of(contestant), index, way)
+        def bounds(contestant: Contestant) -> Mapping[int, Bound]:
+            every = analysis.crossings_of(contestant, target)
+            found = every[every.reading == way]
+            return {row.block: Bound(row.sure_low, row.sure_high) for row in found.itertuples()}
+
+        return bounds
 
     def kind(contestant: Contestant) -> str:
-        return verdict_of(contestant).warm[index].reading
+        return own(contestant).reading.iloc[0]
 
-    return Measure(values, analysis.floor(family.scene, index), kind, [read(way) for way in READINGS])
+    return Measure(values, analysis.floor(family.scene, target), kind, [read(way) for way in READINGS])
 
 
 def build_milliseconds(analysis: Analysis, contestant: Contestant) -> Estimate:

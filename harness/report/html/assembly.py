@@ -18,6 +18,7 @@ from markupsafe import Markup
 
 from harness.analysis import Analysis, calibration, reports_its_time
 from harness.analysis.certificates import certificate_text, certifies, refutes
+from harness.analysis.columns import estimate_of
 from harness.analysis.rays import RayContestant, ray_races
 from harness.metrics import error_words, metric_title
 from harness.report.html.glossary import TERMS, anchor
@@ -32,6 +33,7 @@ from harness.report.plots.rays import RAYS
 from harness.report.plots.style import file_stem, formats
 from harness.report.tables import Column, Table, cell_text, sort_value
 from harness.report.tables.evidence import evidence
+from harness.report.tables.model import estimate_text
 from harness.report.winners import seconds_text, standing
 from harness.store.records import AnyCell, Cell, RayCell
 from harness.store.results import Contestant, Results, fixed_seconds, point_error
@@ -136,13 +138,12 @@ def plot_figure(plot: Plot | Picture) -> Markup:
 
 def headlines(analysis: Analysis) -> list[dict[str, Any]]:
     """Per panel and target: the fastest (warm), or all that may be it."""
-    targets = list(enumerate(analysis.results.targets))
-    return [_headline(panel, index, target) for panel in panels(analysis) for index, target in targets]
+    return [_headline(analysis, panel, target) for panel in panels(analysis) for target in analysis.results.targets]
 
 
-def _headline(panel: Panel, index: int, target: float) -> dict[str, Any]:
+def _headline(analysis: Analysis, panel: Panel, target: float) -> dict[str, Any]:
     """`winner` is None where several are not separated, or none reached it. `left_out` have a flag that disqualifies them."""
-    found = standing(panel, index)
+    found = standing(analysis, panel, target)
     line = {
         "scene": panel.title,
         "target": f"{target:g}",
@@ -154,14 +155,14 @@ def _headline(panel: Panel, index: int, target: float) -> dict[str, Any]:
         "noisy": found.noisy,
     }
     if len(found.possible) != 1:
-        return line | {"rivals": [verdict.contestant.name for verdict in found.possible]}
-    (best,) = found.possible
+        return line | {"rivals": [row.contestant for _, row in found.possible]}
+    ((best, row),) = found.possible
     return line | {
         "alone": len(found.ranked) == 1,
         "winner": best.contestant.name,
         "flags": best.warnings,
-        "time": seconds_text(best.warm[index]),
-        "cold": seconds_text(best.cold[index]),
+        "time": seconds_text(row),
+        "cold": estimate_text(estimate_of(row, "cold_seconds")),
     }
 
 

@@ -18,7 +18,8 @@ TERMS = {
     "faster. Every contestant has one to its baseline.",
     "no ratio": "The contestant is alone in its race, or its baseline, and no other reached the target; or it or its baseline "
     "has a flag that disqualifies it. The cell says which.",
-    "baseline": "The contestant that another is compared with.",
+    "baseline": "The contestant that the times of another are compared with.",
+    "image baseline": "The contestant that the image of another is compared with: the most similar one of the baseline engine.",
     "noise floor": "How much two measurements of one configuration differ (A/A twins). Smaller differences are not called "
     "faster or slower.",
     "A/A twin": "A second name under which one configuration of a scene is measured again.",

@@ -11,13 +11,14 @@ from markupsafe import Markup, escape
 
 from harness.analysis import Analysis, Verdict, error_targets
 from harness.analysis.calibration import missed
+from harness.analysis.model import measure_of
 from harness.metrics import metric_title
 from harness.report.plots.curves import band
 from harness.report.plots.panels import Panel, panels
 from harness.report.plots.style import LINES, Palette
-from harness.report.tables.evidence import floor_text
+from harness.report.tables.evidence import floors_of
 from harness.report.tables.model import number_text
-from harness.report.winners import ratio_of, seconds_text, standing
+from harness.report.winners import Standing, seconds_text, standing
 from harness.statistics.ratios import FEWEST_BLOCKS
 from harness.store.records import Calibration, Reference
 
@@ -76,11 +77,11 @@ class Row(NamedTuple):
 
 def matrix(analysis: Analysis, calibration: Calibration, references: Sequence[JudgedReference]) -> list[Row]:
     """One row a panel; empty without targets, or without a measured cell."""
-    palette, targets = Palette(analysis.results), list(enumerate(analysis.results.targets))
+    palette, targets = Palette(analysis.results), analysis.results.targets
     found = []
     for panel in panels(analysis) if targets else []:
         reference = reference_of(panel, references)
-        cells = [_cell(analysis, panel, index, target, calibration, reference) for index, target in targets]
+        cells = [_cell(analysis, panel, target, calibration, reference) for target in targets]
         found.append(
             Row(panel.title, panel.stem, cells, small_plot(analysis, panel, palette), _quality(analysis, panel, reference))
         )
@@ -100,41 +101,40 @@ def reference_of(panel: Panel, references: Sequence[JudgedReference]) -> JudgedR
     return next((each for each in references if each.record.reference_id == reference_id), None)
 
 
-def _cell(
-    analysis: Analysis, panel: Panel, index: int, target: float, calibration: Calibration, reference: JudgedReference | None
-) -> Cell:
-    verdicts, found = panel.verdicts, standing(panel, index)
+def _cell(analysis: Analysis, panel: Panel, target: float, calibration: Calibration, reference: JudgedReference | None) -> Cell:
+    found = standing(analysis, panel, target)
     return Cell(
         f"{target:g}",
-        [_entry(verdict, verdicts, index) for verdict in found.possible],
+        [_entry(found, *possible) for possible in found.possible],
         len(found.reached),
-        len(verdicts),
+        len(found.rows),
         len(found.ranked),
         found.left_out,
-        Badge(floor_text(analysis, panel.scene, [index]), list(_remarks(analysis, panel, index, calibration, reference))),
+        Badge(floors_of(analysis, panel.scene, [target]), list(_remarks(analysis, found, target, calibration, reference))),
     )
 
 
-def _entry(verdict: Verdict, verdicts: Sequence[Verdict], index: int) -> Entry:
-    ratio, other = ratio_of(verdict, verdicts, index)
-    why_not = "" if ratio else verdict.no_ratio or "it or its baseline reached the target in no block"
-    return Entry(verdict.contestant.name, seconds_text(verdict.warm[index]), ratio, other, why_not, verdict.warnings)
+def _entry(found: Standing, verdict: Verdict, row: Any) -> Entry:
+    ratio, other = found.ratio_of(row)
+    why_not = "" if ratio else row.no_ratio or "it or its baseline reached the target in no block"
+    return Entry(row.contestant, seconds_text(row), ratio, other, why_not, verdict.warnings)
 
 
 def _remarks(
-    analysis: Analysis, panel: Panel, index: int, calibration: Calibration, reference: JudgedReference | None
+    analysis: Analysis, found: Standing, target: float, calibration: Calibration, reference: JudgedReference | None
 ) -> Iterator[str]:
     """What weakens the verdict of a cell, a sentence each."""
+    panel = found.panel
     if _fewest_blocks(panel) < FEWEST_BLOCKS:
         yield f"fewer than {FEWEST_BLOCKS} blocks: no verdict is given"
-    if math.isnan(analysis.floor(panel.scene, index)):
+    if math.isnan(analysis.floor(panel.scene, target)):
         yield "the noise floor was not measured"
-    if (panel.scene, index) in analysis.separated:
+    if found.rows[0].twins_separated:
         yield "the A/A twins differ: verdicts are unresolved"
     contended, judged = _contention(panel)
     if contended or not judged:
         yield f"{contended} of {judged} timings contended" if judged else "contention was not measured"
-    if noisy := standing(panel, index).noisy:
+    if noisy := found.noisy:
         yield f"the reference is too noisy for the times of {noisy} contestant{'' if noisy == 1 else 's'}"
     if calibration.races is None:
         yield "the run is too small for a calibration"
@@ -148,13 +148,13 @@ def _quality(analysis: Analysis, panel: Panel, reference: JudgedReference | None
     """The row of the section on measurement quality."""
     counts = sorted({len({cell.block for cell in verdict.contestant.done}) for verdict in panel.verdicts})
     contended, judged = _contention(panel)
-    indices = range(len(analysis.results.targets))
-    apart = any((panel.scene, index) in analysis.separated for index in indices)
+    targets = analysis.results.targets
+    apart = any((panel.scene, measure_of(target)) in analysis.separated for target in targets)
     certified = reference.certificate if reference is not None else "no reference is recorded"
     return {
         "blocks": f"{counts[0]} to {counts[-1]}" if len(counts) > 1 else str(counts[0]),
         "contended": f"{contended} of {judged}" if judged else "not measured",
-        "floor": floor_text(analysis, panel.scene, indices) + ("; the A/A twins differ" if apart else ""),
+        "floor": floors_of(analysis, panel.scene, targets) + ("; the A/A twins differ" if apart else ""),
         "reference": certified,
     }
 
@@ -206,8 +206,10 @@ def small_plot(analysis: Analysis, panel: Panel, palette: Palette) -> Markup:
             f'<path class="target" d="M{LEFT} {y:.1f}H{PLOT_WIDTH - 4}"/>'
             f'<text x="{LEFT - 3}" y="{y + 3:.1f}" text-anchor="end">{named:g}</text>'
         )
+    rows = analysis.by_target
+    winners = set(rows[rows.possible_winner & (rows.scene == panel.scene)].contestant)
     for verdict, x, error, low, high in curves:
-        look, best = palette.look(verdict.contestant), any(verdict.possible_winner)
+        look, best = palette.look(verdict.contestant), verdict.contestant.name in winners
         around = path([*x, *x[::-1]], [*low, *high[::-1]])
         dashes = f' stroke-dasharray="{_dashes(look.line)}"' if look.line != "-" else ""
         parts.append(

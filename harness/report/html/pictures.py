@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from engines.film import to_bitmap
 from engines.image import png_bytes
 from harness.analysis import Analysis, Verdict
-from harness.analysis.comparisons import others
+from harness.analysis.axes import others
 from harness.metrics import Reference, higher_is_better, metric_title
 from harness.report.plots.panels import Panel, panels
 from harness.report.tables.model import number_text

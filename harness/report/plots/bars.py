@@ -8,12 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from harness.analysis import Analysis, Verdict, seconds_per_sample
+from harness.analysis import Analysis, seconds_per_sample
+from harness.analysis.columns import estimate_of
 from harness.analysis.scaling import thread_families
 from harness.report.plots.chart import FAINT, GRID, INK, Axis, Bars, Chart, Entry, Look, Note, Series, Subplot, interval
 from harness.report.plots.panels import Panel
 from harness.report.plots.style import MOST_CURVES, Palette, small_multiples
-from harness.statistics import QualityTime, amdahl_fit, parallel_speedups
+from harness.report.tables.model import reached_text
+from harness.statistics import amdahl_fit, parallel_speedups
 from harness.statistics.ratios import FEWEST_BLOCKS
 from harness.store.results import PHASES, Contestant
 
@@ -36,11 +38,11 @@ def quality_bars(analysis: Analysis, panel: Panel, palette: Palette) -> Chart | 
         Subplot(
             Axis("time [s]"),
             rows,
-            _quality_rows(panel.verdicts, index, target, palette),
+            _quality_rows(analysis, panel, target, palette),
             f"until {target:g}",
-            notes=_quality_notes(panel.verdicts, index),
+            notes=_quality_notes(analysis, panel, target),
         )
-        for index, target in enumerate(targets)
+        for target in targets
     ]
     height = 0.7 + (0.8 + 0.24 * len(panel.verdicts)) * lines
     return Chart(subplots, 7.4, height, columns, "below", more=STARTS)
@@ -50,46 +52,48 @@ def _names(panel: Panel) -> Axis:
     return Axis("", "linear", names=[verdict.contestant.name for verdict in panel.verdicts])
 
 
-def _quality_notes(verdicts: Sequence[Verdict], index: int) -> list[Note]:
+def _quality_notes(analysis: Analysis, panel: Panel, target: float) -> list[Note]:
     notes = []
-    for row, verdict in enumerate(verdicts):
-        warm = verdict.warm[index]
-        if not math.isfinite(warm.value):
-            notes.append(Note(row, f"{warm.reached}/{warm.seeds} reached", colour=FAINT))
-        elif warm.at_first:
-            notes.append(Note(row, f"< ({warm.verdict()})", verdict.cold[index].value))
+    for place, verdict in enumerate(panel.verdicts):
+        row = analysis.at(verdict.contestant, target)
+        if not math.isfinite(row.seconds):
+            notes.append(Note(place, f"{row.reached}/{row.seeds} reached", colour=FAINT))
+        elif row.at_first:
+            notes.append(Note(place, f"< ({reached_text(row)})", row.cold_seconds))
     return notes
 
 
-def _quality_rows(verdicts: Sequence[Verdict], index: int, target: float, palette: Palette) -> list[Series]:
+def _quality_rows(analysis: Analysis, panel: Panel, target: float, palette: Palette) -> list[Series]:
     """Means with whiskers; below three blocks a dot a block, for there an interval says nothing."""
-    timed = [(row, v, v.warm[index], v.cold[index]) for row, v in enumerate(verdicts) if math.isfinite(v.warm[index].value)]
-    joins = np.array([(x, row) for row, _, warm, cold in timed for x in (warm.value, cold.value, math.nan)]).reshape(-1, 2)
+    every = [(place, v.contestant, analysis.at(v.contestant, target)) for place, v in enumerate(panel.verdicts)]
+    timed = [(place, contestant, row) for place, contestant, row in every if math.isfinite(row.seconds)]
+    joins = np.array([(x, place) for place, _, row in timed for x in (row.seconds, row.cold_seconds, math.nan)]).reshape(-1, 2)
     found = [Series(joins[:, 0], joins[:, 1], Look(GRID, width=3), behind=True)]
-    for engine in dict.fromkeys(verdict.contestant.settings.engine for verdict in verdicts):
-        own = [row for row in timed if row[1].contestant.settings.engine == engine]
-        for filled in (False, True) if own else ():
-            times = [(row, verdict, warm if filled else cold, warm.at_first > 0) for row, verdict, warm, cold in own]
-            found.append(_dots(times, target, Look(palette.colour(engine), "none", "o", filled)))
+    for engine in dict.fromkeys(verdict.contestant.settings.engine for verdict in panel.verdicts):
+        own = [each for each in timed if each[1].settings.engine == engine]
+        looks = [Look(palette.colour(engine), "none", "o", filled) for filled in (False, True)] if own else []
+        found += [_dots(analysis, own, target, look) for look in looks]
     return found
 
 
-def _dots(times: Sequence[tuple[int, Verdict, QualityTime, bool]], target: float, look: Look) -> Series:
+def _dots(analysis: Analysis, timed: Sequence[tuple[int, Contestant, Any]], target: float, look: Look) -> Series:
     """Dots of one colour, warm times (full) or cold ones; the hover text says the interval, too."""
     seconds = "seconds" if look.filled else "cold seconds"
     rows: list[float] = []
     x: list[float] = []
     ends: list[tuple[float, float]] = []
     hover: dict[str, list[Any]] = {"contestant": [], "error": [], seconds: [], "95 % interval": [], "reached": []}
-    for row, verdict, quality, at_first in times:
-        few = quality.seeds < FEWEST_BLOCKS
-        for value in [bound.high for bound in quality.crossings] if few else [quality.value]:
-            known = not few and not at_first
-            texts = (verdict.contestant.name, target, value, f"{quality.low:.3g} to {quality.high:.3g} s" if known else None)
-            rows.append(row)
+    for place, contestant, row in timed:
+        mean, low, high, _ = estimate_of(row, "seconds" if look.filled else "cold_seconds")
+        each = analysis.crossings_of(contestant, target).query("own")
+        few = row.seeds < FEWEST_BLOCKS
+        for value in each.high + each.fixed_seconds * (not look.filled) if few else [mean]:
+            known = not few and not row.at_first
+            texts = (contestant.name, target, value, f"{low:.3g} to {high:.3g} s" if known else None)
+            rows.append(place)
             x.append(value)
-            ends.append((quality.low, quality.high) if known else (math.nan, math.nan))
-            for column, text in zip(hover, (*texts, quality.verdict()), strict=True):
+            ends.append((low, high) if known else (math.nan, math.nan))
+            for column, text in zip(hover, (*texts, reached_text(row)), strict=True):
                 hover[column].append(text)
     return Series(np.array(x), np.array(rows, float), look, hover=hover, x_interval=np.array(ends).reshape(-1, 2))
 

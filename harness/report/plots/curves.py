@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from harness.analysis import Analysis, Verdict, error_targets
-from harness.analysis.comparisons import others
+from harness.analysis.axes import others
 from harness.analysis.model import ranked_together
 from harness.metrics import metric_title
 from harness.report.plots.chart import FAINT, GRID, Axis, Chart, Entry, Guide, Look, Series, Subplot, interval
@@ -117,7 +117,7 @@ def target_ecdf(analysis: Analysis, palette: Palette) -> Chart | None:
     """
     problems: dict[tuple[str, str], int] = {}
     for (_, _, _, division, machine), group in ranked_together(analysis.verdicts).items():
-        most = max(sum(len(quality.crossings) for quality in verdict.warm) for verdict in group)
+        most = max(len(verdict.contestant.runs) for verdict in group) * len(analysis.results.targets)
         problems[division, machine] = problems.get((division, machine), 0) + most
     solvers: dict[Any, list[Verdict]] = {}
     for verdict in analysis.verdicts:
@@ -132,7 +132,12 @@ def target_ecdf(analysis: Analysis, palette: Palette) -> Chart | None:
     for part in facets([verdicts[0] for verdicts in solvers.values()]):
         curves = []
         for verdict in part.verdicts:
-            own = [s.high for v in first[id(verdict)] for quality in v.warm for s in quality.crossings]
+            times = [
+                analysis.crossings_of(v.contestant, target).query("own").high
+                for v in first[id(verdict)]
+                for target in analysis.results.targets
+            ]
+            own = [seconds for each in times for seconds in each]
             settings, name = verdict.contestant.settings, verdict.contestant.name
             times, share = ecdf([*own, *[math.inf] * (problems[settings.division, settings.machine] - len(own))])
             steps = np.array([*times[:1], *times, latest] if times.size else [latest], float)

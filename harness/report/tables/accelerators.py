@@ -5,15 +5,13 @@ from __future__ import annotations
 from harness.analysis import Analysis
 from harness.analysis.accelerator_tradeoff import break_evens
 from harness.analysis.columns import Column, Table
-from harness.report.tables.equivalence import CONTESTANT, SCENE
+from harness.analysis.measurements import CONTESTANT, SCENE
 from harness.report.tables.evidence import floors_text
-from harness.statistics import Estimate
-from harness.store.results import setting_text
 
 
 def accelerators(analysis: Analysis) -> Table:
     """One row a contestant that has a twin with another accelerator; empty where there is none."""
-    table = Table(
+    return Table(
         "accelerators",
         "Accelerators: build against traverse",
         "Contestants that differ in their accelerator alone, each beside the one that is built fastest. Geometric means "
@@ -23,7 +21,7 @@ def accelerators(analysis: Analysis) -> Table:
             CONTESTANT,
             Column("build_seconds", "Seconds of the build.", "estimate", "build [s]"),
             Column("path_microseconds", "Warm time of a path: a sample of a pixel.", "estimate", "path [µs]"),
-            Column("against", "The accelerator that is built fastest, all else equal."),
+            Column("baseline", "The accelerator that is built fastest, all else equal."),
             Column("speedup", "Time of a path with that accelerator over the time with this one.", "estimate", "speed-up"),
             Column("verdict", "faster, slower, same or unresolved."),
             Column(
@@ -34,20 +32,5 @@ def accelerators(analysis: Analysis) -> Table:
                 "break-even [spp]",
             ),
         ],
+        [found._asdict() for found in break_evens(analysis)],
     )
-    for found in break_evens(analysis):
-        row = {
-            "scene": found.contestant.settings.scene,
-            "contestant": found.contestant.name,
-            "build_seconds": found.build_seconds,
-            "path_microseconds": found.path_microseconds,
-        }
-        if found.against is not None and found.speedup is not None:
-            row |= {
-                "against": setting_text("accelerator", found.against.settings.accelerator),
-                "speedup": Estimate(*found.speedup[:4]),
-                "verdict": found.speedup.verdict,
-                "break_even_spp": found.break_even_spp,
-            }
-        table.rows.append(row)
-    return table

@@ -1,4 +1,4 @@
-"""Tables on images: bias against the reference, equivalence with the baseline and of engines, results of the suite."""
+"""Tables on images: bias against the reference, equivalence with the image baseline and of engines, results of the suite."""
 
 from __future__ import annotations
 
@@ -8,17 +8,18 @@ from typing import Any
 from harness.analysis import Analysis, Verdict
 from harness.analysis.columns import Column, Table
 from harness.analysis.equivalence import bound, rests_on
+from harness.analysis.measurements import CONTESTANT, SCENE
 from harness.analysis.model import bias_sizes
 from harness.check_results import worst_per_check
 from harness.statistics import Equivalence, Estimate
 
-SCENE = Column("scene", "Scene that was rendered.")
-CONTESTANT = Column("contestant", "Engine and those settings that differ within this experiment.")
-BASELINE = Column("baseline", "Contestant that it is compared with: the most similar one of the baseline engine.")
+IMAGE_BASELINE = Column(
+    "image_baseline", "Contestant whose image it is compared with: the most similar one of the baseline engine."
+)
 BOUNDS = [
     Column(
         "difference",
-        "Relative difference of the image means: second over first (or contestant over baseline) minus 1; 95 % interval.",
+        "Relative difference of the image means: second over first (or contestant over image baseline) minus 1; 95 % interval.",
         "estimate",
     ),
     Column("image_bound", "Upper bound on the difference of the image means, in any channel.", "percent", "means at most"),
@@ -35,15 +36,15 @@ VERDICTS = (
 
 
 def bias_and_equivalence(analysis: Analysis) -> Table:
-    """Bias against the reference, equivalence with the baseline."""
+    """Bias against the reference, equivalence with the image baseline."""
     table = Table(
         "bias_and_equivalence",
-        "Bias against the reference, equivalence with the baseline",
+        "Bias against the reference, equivalence with the image baseline",
         f"Shares of the radiance: for a tile of its own, but at least of 0.1 of the image's mean. {_margins(analysis)}",
         [
             SCENE,
             CONTESTANT,
-            BASELINE,
+            IMAGE_BASELINE,
             Column("bias_squared", "mean((A-R1)(B-R2)/(R^2+eps)) over pairs of seeds.", "number"),
             Column("bias_squared_se", "Its standard error.", "number"),
             Column(
@@ -63,7 +64,7 @@ def bias_and_equivalence(analysis: Analysis) -> Table:
             Column("bias_tile_z", "That difference in standard errors.", "number"),
             Column("bias", "Bias against the reference, or the most that the image mean and any tile can be off."),
             *BOUNDS,
-            Column("verdict", f"Against the baseline: {VERDICTS}."),
+            Column("verdict", f"Against the image baseline: {VERDICTS}."),
         ],
     )
     for verdict in analysis.verdicts:
@@ -74,7 +75,7 @@ def bias_and_equivalence(analysis: Analysis) -> Table:
 def _bias_row(verdict: Verdict) -> dict[str, Any]:
     row: dict[str, Any] = {
         **who(verdict),
-        "baseline": verdict.baseline.name if verdict.baseline else None,
+        "image_baseline": verdict.image_baseline.name if verdict.image_baseline else None,
         "bias": bias_text(verdict),
         "verdict": equivalence_text(verdict),
     }
@@ -177,8 +178,8 @@ def _size(verdict: Verdict, flag: str) -> str:
 
 
 def equivalence_text(verdict: Verdict) -> str:
-    if verdict.baseline is None:
-        return "baseline"
+    if verdict.image_baseline is None:
+        return "image baseline"
     return verdict.equivalence.verdict if verdict.equivalence is not None else "unknown"
 
 

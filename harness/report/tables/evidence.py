@@ -41,8 +41,7 @@ def floors_text(analysis: Analysis) -> str:
     scenes = list(dict.fromkeys(verdict.contestant.settings.scene for verdict in analysis.verdicts))
     if not scenes:
         return ""
-    indices = [None, *range(len(analysis.results.targets))]
-    texts = {scene: floor_text(analysis, scene, indices) for scene in scenes}
+    texts = {scene: floors_of(analysis, scene, [None, *analysis.results.targets]) for scene in scenes}
     known = [f"{scene} {text}" for scene, text in texts.items() if text != NOT_MEASURED]
     without = [scene for scene, text in texts.items() if text == NOT_MEASURED]
     parts = [f"Noise floor (A/A twins): {', '.join(known)}." if known else ""]
@@ -58,11 +57,13 @@ def floors_text(analysis: Analysis) -> str:
 NOT_MEASURED = "not measured"
 
 
-def floor_text(analysis: Analysis, scene: str, indices: Iterable[int | None]) -> str:
-    """`1.2 %`, `1.2 % to 2.3 %` over several targets, or `not measured`."""
-    floors = [100 * math.expm1(analysis.floor(scene, index)) for index in indices]
+def floor_text(floor: float) -> str:
+    """`1.2 %`, a share; `not measured` for NaN."""
+    return NOT_MEASURED if math.isnan(floor) else f"{number_text(100 * floor)} %"
+
+
+def floors_of(analysis: Analysis, scene: str, targets: Iterable[float | None]) -> str:
+    """`1.2 %`, `1.2 % to 2.3 %` over several targets (None: seconds per sample), or `not measured`."""
+    floors = [math.expm1(analysis.floor(scene, target)) for target in targets]
     known = sorted(floor for floor in floors if not math.isnan(floor))
-    if not known:
-        return NOT_MEASURED
-    low, high = (f"{number_text(floor)} %" for floor in (known[0], known[-1]))
-    return low if low == high else f"{low} to {high}"
+    return " to ".join(dict.fromkeys(map(floor_text, (known[0], known[-1])))) if known else NOT_MEASURED

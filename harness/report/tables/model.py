@@ -96,6 +96,11 @@ def estimate_text(estimate: tuple[float, ...], infinite: str = "not reached", ze
     return f"{text} [{number_text(low)}, {number_text(high)}{closing}"
 
 
+def reached_text(row: Any) -> str:
+    """`5/5`, of a row of `Analysis.by_target`: seeds that reached the target; `5/5 ≤` says that some times are upper bounds."""
+    return f"{row.reached}/{row.seeds}{' ≤' if row.at_first else ''}"
+
+
 def sort_value(value: Any) -> float | str:
     """What a column is sorted by: the value of an estimate; what is unknown or was not reached is infinite."""
     if isinstance(value, tuple):

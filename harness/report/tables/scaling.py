@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from harness.analysis import Analysis
 from harness.analysis.columns import Column, Table
+from harness.analysis.measurements import CONTESTANT
 from harness.analysis.scaling import scaling_exponents
-from harness.report.tables.equivalence import CONTESTANT
 
 
 def scaling(analysis: Analysis) -> Table:
     """One row a family of contestants and cost; empty where no family has three sizes."""
-    table = Table(
+    return Table(
         "scaling",
         "How cost scales",
         "Exponents k of cost ~ size^k: 0 is constant, 1 proportional. A path is one sample of one pixel, so k = 0 over pixels "
@@ -24,17 +24,5 @@ def scaling(analysis: Analysis) -> Table:
             Column("exponent", "Over all sizes, by least squares.", "estimate"),
             Column("exponent_last", "Between the two largest.", "estimate", "at the end"),
         ],
+        [found._asdict() for found in scaling_exponents(analysis)],
     )
-    for found in scaling_exponents(analysis):
-        table.rows.append(
-            {
-                "contestant": found.contestant.name,
-                "cost": found.cost,
-                "over": found.over,
-                "smallest": found.smallest,
-                "largest": found.largest,
-                "exponent": found.whole,
-                "exponent_last": found.last,
-            }
-        )
-    return table

@@ -4,29 +4,23 @@ from __future__ import annotations
 
 import pandas as pd
 
-from harness.analysis import Analysis, frames, seconds_per_sample
+from harness.analysis import Analysis, frames, measurements, seconds_per_sample
 from harness.analysis.columns import Column, Table, rows_of
+from harness.analysis.measurements import CONTESTANT, IDENTITY, SCENE
 from harness.analysis.model import FLAGS
 from harness.analysis.scaling import thread_families
 from harness.metrics import error_words, metric_title
 from harness.report.tables.accelerators import accelerators
-from harness.report.tables.equivalence import (
-    CONTESTANT,
-    SCENE,
-    accuracy,
-    bias_and_equivalence,
-    bias_text,
-    equivalence,
-    equivalence_text,
-    who,
-)
+from harness.report.tables.equivalence import accuracy, bias_and_equivalence, bias_text, equivalence, equivalence_text, who
 from harness.report.tables.evidence import evidence, floor_text
+from harness.report.tables.model import reached_text
 from harness.report.tables.rays import rays
 from harness.report.tables.scaling import scaling
 from harness.statistics import Estimate, amdahl_fit, parallel_speedups
 from harness.store.results import PHASES
 
-RENAMED = {"seconds": "warm_seconds", "ratio": "speedup"}
+SPEEDUP = {f"ratio{end}": f"speedup{end}" for end in ("", "_low", "_high")}
+RENAMED = SPEEDUP | {f"seconds{end}": f"warm_seconds{end}" for end in ("", "_low", "_high")}
 """Columns of DataFrames by the names that these tables give them."""
 MOST_NAMES = 6
 """Contestants that a sentence names."""
@@ -76,7 +70,8 @@ def time_to_quality(analysis: Analysis) -> Table:
             ),
             Column(
                 "equivalence",
-                "Whether its image equals the baseline's: identical, equivalent, different or unresolved.",
+                "Whether its image equals that of the image baseline, which bias_and_equivalence names: identical, equivalent, "
+                "different or unresolved.",
                 title="image",
             ),
             Column("failed_cells", "Cells that failed or ran out of time.", "count", "failed"),
@@ -84,27 +79,25 @@ def time_to_quality(analysis: Analysis) -> Table:
         ],
     )
     found = frames.verdicts(analysis).frame
-    seeds = found.reached.astype("string") + "/" + found.seeds.astype("string")
-    found["reached"] = seeds.where(found.at_first == 0, seeds + " ≤")
+    found["reached"] = [reached_text(row) for row in found.itertuples()]
     found["speedup_verdict"] = found.verdict
     found["baseline"] = (found.baseline + " (" + found.factor + ")").where(found.no_ratio == "", found.no_ratio)
     found["warnings"] = [
         "; ".join(FLAGS[flag] for flag in flags.split() if flag not in IN_OTHER_COLUMNS) for flags in found["flags"]
     ]
-    new = {f"{old}{end}": f"{name}{end}" for old, name in RENAMED.items() for end in ("", "_low", "_high")}
     words = pd.DataFrame(
         [(*who(verdict).values(), bias_text(verdict), equivalence_text(verdict)) for verdict in analysis.verdicts],
         columns=["scene", "contestant", "bias", "equivalence"],
         dtype="string",
     )
-    table.rows = rows_of(found.rename(columns=new).merge(words), table.columns)
+    table.rows = rows_of(found.rename(columns=RENAMED).merge(words), table.columns)
     return table
 
 
 def _division(analysis: Analysis) -> list[Column]:
     """A column where some contestant is not of the closed division."""
     some = any(verdict.contestant.settings.division != "closed" for verdict in analysis.verdicts)
-    return [Column("division", "Division in which it is ranked: closed or open.")] * some
+    return IDENTITY[-1:] * some
 
 
 def speedups(analysis: Analysis) -> Table:
@@ -128,37 +121,22 @@ def speedups(analysis: Analysis) -> Table:
             Column("verdict", "faster, slower, same or unresolved."),
         ],
     )
-    races = [(None, "seconds per sample"), *((i, f"time to {t:g}") for i, t in enumerate(analysis.results.targets))]
-    for verdict in analysis.verdicts:
-        for index, name in races:
-            ratio = verdict.speedup if index is None else verdict.quality_speedups[index]
-            if ratio is not None and verdict.against is not None:
-                table.rows.append(
-                    {
-                        **who(verdict),
-                        "baseline": verdict.against.name,
-                        "factor": verdict.factors,
-                        "measure": name,
-                        "speedup": Estimate(ratio.ratio, ratio.low, ratio.high, ratio.blocks),
-                        "pairs": ratio.blocks,
-                        "verdict": ratio.verdict,
-                        "noise_floor": floor_text(analysis, verdict.contestant.settings.scene, [index]),
-                    }
-                )
+    found = measurements.by_contestant(analysis.comparisons, analysis.results)
+    found = found[found.no_ratio == ""].rename(columns=SPEEDUP | {"blocks": "pairs"})
+    found["noise_floor"] = found.noise_floor.map(floor_text)
+    table.rows = rows_of(found, table.columns)
     return table
 
 
 def _without_ratio(analysis: Analysis) -> str:
     """A sentence on the contestants that have no ratio, by reason."""
-    reasons: dict[str, dict[str, None]] = {}
-    for verdict in analysis.verdicts:
-        if verdict.no_ratio:
-            reasons.setdefault(verdict.no_ratio, {})[verdict.contestant.name] = None
-    found = []
+    found = measurements.by_contestant(analysis.comparisons, analysis.results)
+    reasons = found[found.no_ratio != ""].groupby("no_ratio", sort=False).contestant.unique()
+    texts = []
     for why, names in reasons.items():
         more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
-        found.append(f"{', '.join(list(names)[:MOST_NAMES])}{more} ({why})")
-    return f"Without a ratio: {'; '.join(found)}. " if found else ""
+        texts.append(f"{', '.join(names[:MOST_NAMES])}{more} ({why})")
+    return f"Without a ratio: {'; '.join(texts)}. " if texts else ""
 
 
 def convergence(analysis: Analysis) -> Table:
@@ -268,9 +246,9 @@ def failures(analysis: Analysis) -> Table:
             Column("message", "The reason, as the engine or the harness gave it."),
         ],
     )
-    found = frames.by_contestant(frames.cells(analysis.results).frame, analysis.results)
+    found = measurements.by_contestant(measurements.cells(analysis.results).frame, analysis.results)
     failed = found[found.state != "done"].fillna({"message": ""})
     cases = failed.groupby(["scene", "contestant", "state", "message"], sort=False)
     counted = pd.DataFrame({"cells": cases.size()}).reset_index()
-    table.rows = rows_of(counted.rename(columns=RENAMED), table.columns)
+    table.rows = rows_of(counted, table.columns)
     return table

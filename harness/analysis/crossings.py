@@ -1,0 +1,95 @@
+"""When errors reach the targets, and what a sample takes: DataFrames made of `points` and `cells`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from harness.analysis.model import CONTESTANT_KEYS, PER_SAMPLE, Frame, measure_of
+from harness.statistics import Bound, Crossing, Reading, crossing_seconds, curve, reading_of, time_to_quality
+from harness.statistics.convergence import CLEAR_ERRORS, NOISE_ERRORS
+from harness.store.records import BROKEN
+
+Logs = NDArray[np.float64]
+READINGS: tuple[Reading, Reading] = ("interpolated", "first")
+CROSSINGS = [*CONTESTANT_KEYS, "block", "measure", "target", "reading", "own", "low", "high", "state", "noise", "fixed_seconds"]
+SECONDS = ["seconds", "seconds_low", "seconds_high"]
+TIMES = [*CONTESTANT_KEYS, "measure", "target", "start", *SECONDS, "reached", "at_first", "seeds", "reliable"]
+
+
+def crossings(points: Frame, cells: Frame, targets: Mapping[float, float]) -> Frame:
+    """One row a target, cell that had its chance, and way to read its error curve; and one a measured cell for its seconds per
+    sample, of all its samples together.
+
+    Columns: `scene` and `contestant`; `block`; `measure`; `target`, NaN of seconds per sample; `reading`, one of `READINGS`;
+    `own`, whether the contestant's own curves are read so, see `statistics.reading_of`; `low`, `high`, `state` and `noise`, the
+    `statistics.Crossing` in warm seconds; `fixed_seconds` of a cold start; `sure_low` and `sure_high`, bounds that allow for
+    the noise of the reference.
+
+    `points` and `cells` are those of `frames`. `targets`: goal -> the error that it stands for. Contestants without a measured
+    cell are left out.
+    """
+    curves = dict(iter(points[["cell_id", "spp", "mean_spp", "seconds", "error", "error_se"]].groupby("cell_id", sort=False)))
+    measured = (cells.state == "done") & cells.cell_id.isin(curves.keys())
+    of_measured = measured.groupby([cells[key] for key in CONTESTANT_KEYS]).transform("any")
+    read = [*CONTESTANT_KEYS, "cell_id", "block", "state", "smooth_sampler", "reproducible", "fixed_seconds"]
+    tried = cells.loc[(measured | cells.state.isin(BROKEN)) & of_measured, read]
+    rows = []
+    for who, found in tried.sort_values("block", kind="stable").groupby(CONTESTANT_KEYS, sort=False):
+        each = [(cell, curves.get(cell.cell_id, points[:0])) for cell in found.itertuples()]
+        made = [
+            curve(p.spp, p.seconds, p.error, p.error_se, smooth=cell.smooth_sampler, reproducible=cell.reproducible)
+            for cell, p in each
+        ]
+        own = reading_of(made)
+        for (cell, p), errors in zip(each, made, strict=True):
+            if cell.state == "done" and p.seconds.iloc[-1] > 0:
+                seconds = p.seconds.iloc[-1] / p.mean_spp.iloc[-1]
+                rows.append((*who, cell.block, PER_SAMPLE, math.nan, "", True, seconds, seconds, "reached", 0.0, 0.0))
+            for target, error in targets.items():
+                for reading in READINGS:
+                    bound, state, noise = crossing_seconds(errors, error, reading)
+                    rest = reading, reading == own, *bound, state, noise, cell.fixed_seconds
+                    rows.append((*who, cell.block, measure_of(target), target, *rest))
+    return _with_sure_bounds(pd.DataFrame(rows, columns=CROSSINGS))
+
+
+def _with_sure_bounds(found: Frame) -> Frame:
+    """Times that the reference's noise may have moved are known less well: by three of its standard errors, for times go as the
+    inverse of the error at the most."""
+    found = found.astype({"own": bool, "noise": float})
+    clear = (found.noise <= 1 / CLEAR_ERRORS) | ~found.own
+    reliable = clear.groupby([found[key] for key in (*CONTESTANT_KEYS, "measure")]).transform("all").astype(bool)
+    noise = found.noise.to_numpy(float)
+    room = np.where(reliable, 1.0, np.where(noise < math.inf, np.maximum(1 - NOISE_ERRORS * noise, 0.0), 0.0))
+    high = np.where(room > 0, found.high / np.where(room > 0, room, 1.0), math.inf)
+    return found.assign(sure_low=found.low * room, sure_high=high)
+
+
+def logs(times: Frame, names: Sequence[Any], low: str = "low", high: str = "high") -> tuple[Logs, Logs]:
+    """(k, n) lower and upper ends of ln seconds of contestants of one scene and measure, from the columns `low` and `high` of
+    their rows; NaN where one lacks a block."""
+    own = times[times.contestant.isin(names)]
+    blocks, columns = np.unique(own.block.to_numpy(int), return_inverse=True)
+    ends = np.full((2, len(names), len(blocks)), math.nan)
+    ends[:, pd.Index(names).get_indexer(own.contestant), columns] = own[[low, high]].to_numpy(float).T
+    with np.errstate(divide="ignore"):
+        least, most = np.log(ends)
+    return least, most
+
+
+def times_to_quality(crossings: Frame) -> Frame:
+    """One row a start (warm, then cold), contestant and target: the columns of `TIMES`, from `seconds` on as in
+    `statistics.QualityTime`."""
+    own = crossings[crossings.own & (crossings.measure != PER_SAMPLE)]
+    rows = []
+    for start in ("warm", "cold"):
+        for who, found in own.groupby([*CONTESTANT_KEYS, "measure", "target"], sort=False):
+            each = list(map(Crossing, map(Bound, found.low, found.high), found.state, found.noise))
+            rows.append((*who, start, *time_to_quality(each, found.fixed_seconds if start == "cold" else ())))
+    return pd.DataFrame(rows, columns=TIMES)
