@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 from engines.scene.models import (
@@ -67,7 +67,7 @@ _OF = Key(InnerKind(), "The material that is wrapped: its name, or its keys. It 
 def _wrapper(make: Callable[..., Wrapper]) -> Callable[[Given, Any], Wrapper]:
     def wrap(given: Given, context: Any) -> Wrapper:
         made = make(**given.values)
-        parts, depth = _extent(made)
+        parts, depth = extent(made)
         if parts > MAX_PARTS or depth > MAX_DEPTH:
             limits = f"at most {MAX_PARTS}, and {MAX_DEPTH} around each other"
             raise given.node.refuse(f"holds {parts} wrappers and models, {depth} around each other: {limits} are possible")
@@ -76,19 +76,20 @@ def _wrapper(make: Callable[..., Wrapper]) -> Callable[[Given, Any], Wrapper]:
     return wrap
 
 
-def _extent(bsdf: Bsdf | None) -> tuple[int, int]:
-    """How many wrappers and models a BSDF holds, and how many are around each other."""
-    inner = [_extent(each) for each in children(bsdf)]
-    return 1 + sum(parts for parts, _ in inner), 1 + max((depth for _, depth in inner), default=-1)
+def extent(bsdf: Bsdf | None) -> tuple[int, int]:
+    """How many wrappers and models a BSDF holds, and how many wrappers are around each other."""
+    inner = [extent(child) for child in children(bsdf)]
+    return (bsdf is not None) + sum(parts for parts, _ in inner), 1 + max((depth for _, depth in inner), default=-1)
 
 
 def children(bsdf: Bsdf | None) -> tuple[Bsdf | None, ...]:
     """What a wrapper wraps, from left to right, None for a side without a BSDF; nothing of a BSDF that is no wrapper."""
-    if isinstance(bsdf, Blend):
-        return bsdf.a, bsdf.b
-    if isinstance(bsdf, Sides):
-        return bsdf.front, bsdf.back
-    return (bsdf.of,) if isinstance(bsdf, Mask | Bump | NormalMap) else ()
+    return tuple(getattr(bsdf, name) for name in INNER.get(type(bsdf), ()))
+
+
+def with_children(wrapper: Wrapper, function: Callable[[Any], Bsdf | None]) -> Any:
+    """The wrapper around `function(child)` in place of each child; a side without a BSDF is None."""
+    return replace(wrapper, **{name: function(getattr(wrapper, name)) for name in INNER[type(wrapper)]})
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,6 +199,14 @@ _BY_SIDE = Record("One material on each side.", {"front": _SIDED, "back": _SIDED
 
 Wrapper = Mask | Blend | Bump | NormalMap | Sides
 Bsdf = Leaf | Wrapper
+INNER: Mapping[type, tuple[str, ...]] = {
+    Mask: ("of",),
+    Blend: ("a", "b"),
+    Bump: ("of",),
+    NormalMap: ("of",),
+    Sides: ("front", "back"),
+}
+"""The fields of each wrapper that hold BSDFs."""
 
 
 MODELS = {**LEAVES, "mask": _MASK, "blend": _BLEND, "bump": _BUMP, "normal_map": _NORMAL_MAP, "by_side": _BY_SIDE}

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 from typing import Any
 
-from engines.scene.bsdf import Bsdf, Bump, CustomBSDF, Mask, NormalMap, Wrapper, children
+from engines.scene.bsdf import INNER, Bsdf, Bump, CustomBSDF, Mask, NormalMap, Wrapper, children
 from engines.scene.models import Conductor, Dielectric, Diffuse, Mixture, Null, Plastic, Principled, ThinDielectric
 from engines.scene.textures import Color, Number, Texture, largest
 from engines.scene.triple import BLACK, WHITE
@@ -86,11 +86,17 @@ def tilts_null_lobes(bsdf: Bsdf) -> bool:
 # ---- what light depends on -------------------------------------------------------------------------------------------
 
 
+def own_values(part: Any) -> Iterator[Any]:
+    """The numbers, words and textures of a BSDF itself, and not of what it wraps. Those of a plugin are not known."""
+    for item in fields(part) if is_dataclass(part) and not isinstance(part, CustomBSDF) else ():
+        if item.name not in INNER.get(type(part), ()):
+            value = getattr(part, item.name)
+            yield from value if isinstance(value, tuple) else (value,)
+
+
 def own_textures(part: Any) -> Iterator[Texture]:
     """The textures of a BSDF itself, and not of what it wraps."""
-    for item in fields(part) if is_dataclass(part) and not isinstance(part, CustomBSDF) else ():
-        value = getattr(part, item.name)
-        yield from (each for each in (value if isinstance(value, tuple) else (value,)) if isinstance(each, Texture))
+    return (value for value in own_values(part) if isinstance(value, Texture))
 
 
 def textures(bsdf: Bsdf | None) -> Iterator[Texture]:

@@ -72,6 +72,11 @@ class LeafPlugin:
     fields: tuple[LeafField, ...] = ()
     rough: str | None = None
 
+    @property
+    def plugins(self) -> tuple[str, ...]:
+        """The names of Mitsuba's plugins: `plugin`, and `rough` where there is one."""
+        return (self.plugin,) if self.rough is None else (self.plugin, self.rough)
+
     def key_of(self, name: str) -> str:
         """The key of a field in a scene file."""
         return next(item.key or name for item in self.fields if item.name == name)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import fields, is_dataclass
 from typing import Any
 
 import numpy as np
 
 from engines.scene.bsdf import CustomBSDF
-from engines.scene.bsdf_tree import leaves, members
+from engines.scene.bsdf_tree import leaves, members, own_values
 from engines.scene.cameras import CustomCamera
 from engines.scene.lights import CustomLight
 from engines.scene.scene import Scene
@@ -50,18 +49,8 @@ def _parts(scene: Scene) -> Iterator[tuple[str, str, Any]]:
             yield where, "texture", material.emission
         for part in members(material.as_bsdf):
             yield where, "BSDF", part
-            yield from ((where, "texture", value) for value in _textures(part))
-
-
-def _textures(part: Any) -> Iterator[Any]:
-    """What a BSDF has in place of numbers, but for BSDFs inside."""
-    inside = [*members(part)][1:]
-    for item in fields(part) if is_dataclass(part) and not isinstance(part, CustomBSDF) else ():
-        value = getattr(part, item.name)
-        for each in value if isinstance(value, tuple) else (value,):
-            plain = each is None or isinstance(each, (bool, int, float, str, np.generic))
-            if not plain and not any(each is other for other in inside):
-                yield each
+            plain = (int, float, str, np.generic, type(None))
+            yield from ((where, "texture", value) for value in own_values(part) if not isinstance(value, plain))
 
 
 def plugins(scene: Scene) -> list[tuple[str, Any]]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 from os import PathLike
 from pathlib import Path
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 
 from engines.errors import ConfigError
 from engines.image import decoded_srgb, write_channels, write_image
-from engines.scene.bsdf import Blend, Bsdf, Bump, Mask, NormalMap, Sides
+from engines.scene.bsdf import INNER, Blend, Bsdf, Bump, Mask, NormalMap, Sides
 from engines.scene.bsdf_tree import is_opaque
 from engines.scene.cameras import Camera, Orthographic, Perspective, PerspectiveArctan, ThinLens
 from engines.scene.formats.ply import write_ply
@@ -131,7 +130,10 @@ class _Writer:
             return {"by_side": {side: self.bsdf(part) for side in ("front", "back") if (part := getattr(bsdf, side))}}
         if type(bsdf) in LEAF_PLUGINS:
             return self.leaf(bsdf)
-        return _WRAPPERS[type(bsdf)](self, bsdf)
+        parts = {item.name: getattr(bsdf, item.name) for item in fields(bsdf)}
+        inner = INNER[type(bsdf)]
+        keys = {key: self.bsdf(part) if key in inner else self.value(part) for key, part in parts.items()}
+        return {_WRAPPERS[type(bsdf)]: keys}
 
     def leaf(self, leaf: Any) -> Keys:
         plugin, keys = LEAF_PLUGINS[type(leaf)], {}
@@ -232,6 +234,7 @@ _CAMERAS = {
     PerspectiveArctan: "perspective_arctan",
     Orthographic: "orthographic",
 }
+_WRAPPERS = {Mask: "mask", Blend: "blend", Bump: "bump", NormalMap: "normal_map"}
 
 
 def _camera(camera: Camera) -> Keys:
@@ -241,23 +244,6 @@ def _camera(camera: Camera) -> Keys:
         if key in keys and keys[key] == default:
             del keys[key]
     return {"type": _CAMERAS[type(camera)], **keys}
-
-
-def _wrapper(name: str) -> Callable[[_Writer, Any], Keys]:
-    def write(writer: _Writer, wrapper: Any) -> Keys:
-        parts = {item.name: getattr(wrapper, item.name) for item in fields(wrapper)}
-        inner = ("of", "a", "b")
-        return {name: {key: writer.bsdf(part) if key in inner else writer.value(part) for key, part in parts.items()}}
-
-    return write
-
-
-_WRAPPERS: dict[type, Callable[[_Writer, Any], Keys]] = {
-    Mask: _wrapper("mask"),
-    Blend: _wrapper("blend"),
-    Bump: _wrapper("bump"),
-    NormalMap: _wrapper("normal_map"),
-}
 
 
 KNOWN: frozenset[type] = frozenset(

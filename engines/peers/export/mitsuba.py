@@ -15,9 +15,11 @@ from engines.peers.mitsuba.cameras import sensor
 from engines.peers.mitsuba.description import described, scene_lacks
 from engines.peers.mitsuba.nodes import Placing
 from engines.scene import Scene
+from engines.scene.leaf_fields import LEAF_PLUGINS
 
 VERSION = "3.0.0"
 """The version of the file format."""
+_LEAVES = [name for leaf in LEAF_PLUGINS.values() for name in leaf.plugins]
 _TAGS = {
     "sensor": ("perspective", "orthographic", "thinlens"),
     "film": ("hdrfilm",),
@@ -25,23 +27,7 @@ _TAGS = {
     "integrator": ("path",),
     "sampler": ("independent",),
     "texture": ("bitmap", "checkerboard"),
-    "bsdf": (
-        "diffuse",
-        "conductor",
-        "roughconductor",
-        "dielectric",
-        "roughdielectric",
-        "thindielectric",
-        "plastic",
-        "roughplastic",
-        "principled",
-        "null",
-        "twosided",
-        "mask",
-        "blendbsdf",
-        "bumpmap",
-        "normalmap",
-    ),
+    "bsdf": (*_LEAVES, "twosided", "mask", "blendbsdf", "bumpmap", "normalmap"),
     "shape": ("disk", "sphere", "cylinder", "ply"),
     "emitter": ("area", "point", "spot", "directional", "constant", "envmap"),
 }

@@ -29,6 +29,7 @@ from engines.scene import (
     Texture,
     ThinDielectric,
 )
+from engines.scene.bsdf import Wrapper, with_children
 from engines.scene.bsdf_tree import members
 
 
@@ -57,11 +58,8 @@ def albedo_lacks(scene: Scene) -> str | None:
 def _shown(bsdf: Bsdf, material: Material) -> Bsdf:
     if isinstance(bsdf, (Mask, Bump, NormalMap)):
         return _shown(bsdf.of, material)
-    if isinstance(bsdf, Blend):
-        return Blend(bsdf.weight, _shown(bsdf.a, material), _shown(bsdf.b, material))
-    if isinstance(bsdf, Sides):
-        sides = (None if side is None else _shown(side, material) for side in (bsdf.front, bsdf.back))
-        return Sides(*(Diffuse(material.emission) if side is None else side for side in sides))
+    if isinstance(bsdf, (Blend, Sides)):
+        return with_children(bsdf, lambda child: Diffuse(material.emission) if child is None else _shown(child, material))
     colors = (*_colors(bsdf), material.emission)
     return Diffuse(next((color for color in colors if largest(color) > 0.0), BLACK))
 
@@ -85,10 +83,7 @@ def _colors(part: Bsdf) -> tuple[Color, ...]:
 
 
 def _divided(bsdf: Bsdf, scale: float) -> Bsdf:
-    if isinstance(bsdf, Blend):
-        return Blend(bsdf.weight, _divided(bsdf.a, scale), _divided(bsdf.b, scale))
-    if isinstance(bsdf, Sides):
-        assert bsdf.front is not None and bsdf.back is not None
-        return Sides(_divided(bsdf.front, scale), _divided(bsdf.back, scale))
+    if isinstance(bsdf, Wrapper):
+        return with_children(bsdf, lambda child: _divided(child, scale))
     assert isinstance(bsdf, Diffuse)
     return bsdf if scale == 1.0 else Diffuse(scaled(bsdf.reflectance, 1.0 / scale))

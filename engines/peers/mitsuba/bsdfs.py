@@ -8,6 +8,7 @@ normal maps of what transmits tilt the front, there and here; opaque models besi
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from engines.peers.adapters.colors import largest, mirror_share, scaled
@@ -15,6 +16,7 @@ from engines.peers.adapters.lacks import OUT_OF_RANGE, mixture_lacks, out_of_ran
 from engines.peers.mitsuba.nodes import Node, rgb
 from engines.peers.mitsuba.textures import Textures
 from engines.scene import BLACK, Blend, Bsdf, Bump, Checkerboard, Dielectric, Diffuse, Mask, Material, Mixture, NormalMap, Sides
+from engines.scene.bsdf import Wrapper, with_children
 from engines.scene.bsdf_tree import is_opaque, leaves, members, uses_uvs
 from engines.scene.leaf_fields import LEAF_PLUGINS, Kind, LeafField, is_rough
 
@@ -95,11 +97,8 @@ def bsdf_node(bsdf: Bsdf, textures: Textures) -> Node:
 
 def _outwards(bsdf: Any) -> Any:
     """A bump or normal map of a mask or blend as a mask or blend of bumps or normal maps; of a mixed blend as it is."""
-    of = bsdf.of
-    if isinstance(of, Mask):
-        return Mask(of.opacity, _tilted(bsdf, of.of))
-    if isinstance(of, Blend) and not _is_mixed(of):
-        return Blend(of.weight, _tilted(bsdf, of.a), _tilted(bsdf, of.b))
+    if isinstance(bsdf.of, Mask) or (isinstance(bsdf.of, Blend) and not _is_mixed(bsdf.of)):
+        return with_children(bsdf.of, lambda child: replace(bsdf, of=child))
     return bsdf
 
 
@@ -108,18 +107,12 @@ def _is_mixed(blend: Blend) -> bool:
     return len({is_opaque(leaf) for leaf in leaves(blend) if leaf is not None}) == 2
 
 
-def _tilted(like: Any, of: Bsdf) -> Bsdf:
-    return Bump(like.height, like.scale, of) if isinstance(like, Bump) else NormalMap(like.map, of)
-
-
 def _seen(bsdf: Bsdf, side: str) -> Bsdf:
     """The BSDF from one side: `Sides` are gone."""
     if isinstance(bsdf, Sides):
         chosen = getattr(bsdf, side)
         return DARK if chosen is None else _seen(chosen, side)
-    if isinstance(bsdf, Blend):
-        return Blend(bsdf.weight, _seen(bsdf.a, side), _seen(bsdf.b, side))
-    return _tilted(bsdf, _seen(bsdf.of, side)) if isinstance(bsdf, TILTS) else bsdf
+    return with_children(bsdf, lambda child: _seen(child, side)) if isinstance(bsdf, Wrapper) else bsdf
 
 
 def _of_two_sides(front: Bsdf, back: Bsdf, textures: Textures) -> Node:

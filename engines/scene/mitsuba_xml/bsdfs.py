@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from engines.errors import suggestion
-from engines.scene.bsdf import MAX_PARTS, Blend, Bsdf, Bump, Mask, NormalMap, Sides
-from engines.scene.bsdf_tree import transmits
+from engines.scene.bsdf import MAX_PARTS, Blend, Bsdf, Bump, Mask, NormalMap, Sides, Wrapper, extent, with_children
+from engines.scene.bsdf_tree import has_null_lobes, transmits
 from engines.scene.leaf_fields import ACRYLIC, BK7, LEAF_PLUGINS, Kind, LeafField
 from engines.scene.metals import METALS
 from engines.scene.mitsuba_xml.colors import INDEX, color
@@ -16,7 +16,7 @@ from engines.scene.mitsuba_xml.context import Importer
 from engines.scene.mitsuba_xml.properties import Plugin
 from engines.scene.mitsuba_xml.textures import color_or_texture, image_texture, number_or_texture
 from engines.scene.models import INDICES, IORS, LEAST_CONTRAST, SMOOTHEST, Dielectric, Diffuse, Principled, principled_eta
-from engines.scene.textures import Color, Number
+from engines.scene.textures import Color, ImageTexture, Number
 from engines.scene.triple import BLACK, WHITE, Triple
 
 AIR = 1.000277
@@ -48,15 +48,7 @@ INDICES_BY_NAME = {
 """Indices of refraction that a file may name."""
 
 
-class Built(NamedTuple):
-    """A BSDF, how many models and wrappers it has, and whether light passes through it anywhere."""
-
-    bsdf: Bsdf
-    parts: int
-    passes: bool
-
-
-def bsdf(importer: Importer, plugin: Plugin, two_sided: bool = False) -> Built:
+def bsdf(importer: Importer, plugin: Plugin, two_sided: bool = False) -> Bsdf:
     """The BSDF of a plugin; opaque models are black from behind unless `two_sided`. Raises `SceneError`."""
     key = (id(plugin), "bsdf", two_sided)
     if key not in importer.built:
@@ -66,36 +58,24 @@ def bsdf(importer: Importer, plugin: Plugin, two_sided: bool = False) -> Built:
         importer.enter(plugin)
         plugin.read.add("type")
         found = make(importer, plugin, two_sided)
-        if found.parts > MAX_PARTS:
+        if extent(found)[0] > MAX_PARTS:
             raise plugin.refuse(f"more than {MAX_PARTS} BSDFs within each other")
         importer.leave(plugin)
         importer.built[key] = found
     return importer.built[key]
 
 
-def opaque(importer: Importer, plugin: Plugin, model: Bsdf, two_sided: bool) -> Built:
-    """A model that lets no light through, on both sides or on the front alone."""
-    if two_sided or model == Diffuse(BLACK):
-        return Built(model, 1, False)
-    importer.one_sided[plugin.label] = None
-    return Built(Sides(model, None), 2, False)
-
-
-def turned(found: Bsdf) -> Bsdf:
+def turned(bsdf: Bsdf) -> Bsdf:
     """The BSDF for a surface whose sides are exchanged."""
-    if isinstance(found, Sides):
-        return Sides(found.back, found.front)
-    if isinstance(found, Dielectric):
-        return replace(found, ior=1.0 / found.ior)
-    if isinstance(found, Principled) and found.spec_trans != 0.0:
-        return replace(found, eta=1.0 / found.eta)
-    if isinstance(found, Bump) and transmits(found):
-        return replace(found, of=turned(found.of), scale=-found.scale)
-    if isinstance(found, Mask | Bump | NormalMap):
-        return replace(found, of=turned(found.of))
-    if isinstance(found, Blend):
-        return replace(found, a=turned(found.a), b=turned(found.b))
-    return found
+    if isinstance(bsdf, Sides):
+        return Sides(bsdf.back, bsdf.front)
+    if isinstance(bsdf, Dielectric):
+        return replace(bsdf, ior=1.0 / bsdf.ior)
+    if isinstance(bsdf, Principled) and bsdf.spec_trans != 0.0:
+        return replace(bsdf, eta=1.0 / bsdf.eta)
+    if isinstance(bsdf, Bump) and transmits(bsdf):
+        bsdf = replace(bsdf, scale=-bsdf.scale)
+    return with_children(bsdf, turned) if isinstance(bsdf, Wrapper) else bsdf
 
 
 # ---- parameters ------------------------------------------------------------------------------------------------------
@@ -231,19 +211,22 @@ _READERS: dict[Kind, Callable[[Importer, Plugin, LeafField], Any]] = {
 """How a plugin's parameters become the value of a field of ours."""
 
 
-def _leaf(importer: Importer, plugin: Plugin, two_sided: bool, of: str = "") -> Built:
-    """The model of a plugin, or of the plugin that it is taken `of`."""
-    name = of or plugin.type
-    kind, described = next((kind, each) for kind, each in LEAF_PLUGINS.items() if name in (each.plugin, each.rough))
+def _leaf(importer: Importer, plugin: Plugin, two_sided: bool, taken_as: str = "") -> Bsdf:
+    """The model of a plugin, or of the plugin that it is `taken_as`; an opaque one has its front alone unless `two_sided`."""
+    name = taken_as or plugin.type
+    kind, described = next((kind, leaf) for kind, leaf in LEAF_PLUGINS.items() if name in leaf.plugins)
     items = described.fields_of(name)
     plugin.read.update(harmless for item in items for harmless in item.harmless)
     model = kind(**{item.name: _READERS[item.kind](importer, plugin, item) for item in items})
     if isinstance(model, Dielectric) and name == described.rough and abs(model.ior - 1.0) < LEAST_CONTRAST:
         raise plugin.refuse(f"a rough interface wants an index at least {LEAST_CONTRAST:g} away from 1")
-    return Built(model, 1, True) if transmits(model) else opaque(importer, plugin, model, two_sided)
+    if two_sided or model == Diffuse(BLACK) or transmits(model):
+        return model
+    importer.one_sided[plugin.label] = None
+    return Sides(model, None)
 
 
-def _rough_diffuse(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
+def _rough_diffuse(importer: Importer, plugin: Plugin, two_sided: bool) -> Bsdf:
     alpha = number_or_texture(importer, plugin, "alpha", default=0.2, high=1e6)
     plugin.read.add("use_fast_approx")
     if alpha != 0.0:
@@ -254,60 +237,55 @@ def _rough_diffuse(importer: Importer, plugin: Plugin, two_sided: bool) -> Built
 # ---- wrappers --------------------------------------------------------------------------------------------------------
 
 
-def _inner(importer: Importer, plugin: Plugin, counts: tuple[int, ...], two_sided: bool) -> list[Built]:
-    found = importer.taken(plugin, "bsdf")
-    if len(found) not in counts:
-        wanted = "1 nested BSDF is" if counts == (1,) else f"{' or '.join(map(str, counts))} nested BSDFs are"
-        raise plugin.refuse(f"{wanted} wanted, not {len(found)}")
-    return [bsdf(importer, inner, two_sided) for inner in found]
+def _inner(importer: Importer, plugin: Plugin, counts: tuple[int, ...], two_sided: bool) -> list[Bsdf]:
+    nested = importer.taken(plugin, "bsdf")
+    if len(nested) not in counts:
+        expected = "1 nested BSDF is" if counts == (1,) else f"{' or '.join(map(str, counts))} nested BSDFs are"
+        raise plugin.refuse(f"{expected} expected, not {len(nested)}")
+    return [bsdf(importer, inner, two_sided) for inner in nested]
 
 
-def _two_sided(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
-    found = _inner(importer, plugin, (1, 2), True)
-    if any(inner.passes for inner in found):
+def _two_sided(importer: Importer, plugin: Plugin, two_sided: bool) -> Bsdf:
+    inner = _inner(importer, plugin, (1, 2), True)
+    if any(transmits(side) or has_null_lobes(side) for side in inner):
         raise plugin.refuse("holds a BSDF that lets light through, which Mitsuba does not allow: leave twosided out")
-    if len(found) == 1:
-        return found[0]
-    return Built(Sides(found[0].bsdf, found[1].bsdf), 1 + found[0].parts + found[1].parts, False)
+    return inner[0] if len(inner) == 1 else Sides(*inner)
 
 
-def _mask(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
+def _mask(importer: Importer, plugin: Plugin, two_sided: bool) -> Bsdf:
     opacity = number_or_texture(importer, plugin, "opacity", default=0.5)
-    (inner,) = _inner(importer, plugin, (1,), two_sided)
-    return Built(Mask(opacity, inner.bsdf), 1 + inner.parts, True)
+    return Mask(opacity, *_inner(importer, plugin, (1,), two_sided))
 
 
-def _blend(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
+def _blend(importer: Importer, plugin: Plugin, two_sided: bool) -> Bsdf:
     if not plugin.has("weight"):
         raise plugin.refuse("the property 'weight' is missing")
     weight = number_or_texture(importer, plugin, "weight", default=0.5)
-    a, b = _inner(importer, plugin, (2,), two_sided)
-    return Built(Blend(weight, a.bsdf, b.bsdf), 1 + a.parts + b.parts, a.passes or b.passes)
+    return Blend(weight, *_inner(importer, plugin, (2,), two_sided))
 
 
-def _bump(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
-    found = importer.taken(plugin, "texture")
-    if len(found) != 1:
-        raise plugin.refuse(f"one nested texture is expected, not {len(found)}")
-    height = image_texture(importer, found[0])
+def _nested_image(importer: Importer, plugin: Plugin) -> tuple[Plugin, ImageTexture]:
+    nested = importer.taken(plugin, "texture")
+    if len(nested) != 1:
+        raise plugin.refuse(f"one nested texture is expected, not {len(nested)}")
+    return nested[0], image_texture(importer, nested[0])
+
+
+def _bump(importer: Importer, plugin: Plugin, two_sided: bool) -> Bsdf:
+    _, height = _nested_image(importer, plugin)
     scale = plugin.number("scale", default=1.0)
-    (inner,) = _inner(importer, plugin, (1,), two_sided)
-    return Built(Bump(height, scale, inner.bsdf), 1 + inner.parts, inner.passes)
+    return Bump(height, scale, *_inner(importer, plugin, (1,), two_sided))
 
 
-def _normal_map(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
-    found = importer.taken(plugin, "texture")
-    if len(found) != 1:
-        raise plugin.refuse(f"one nested texture is expected, not {len(found)}")
-    normals = image_texture(importer, found[0])
+def _normal_map(importer: Importer, plugin: Plugin, two_sided: bool) -> Bsdf:
+    texture, normals = _nested_image(importer, plugin)
     if normals.pixels.shape[2] != 3:
-        raise found[0].refuse("an image with three channels is expected")
-    (inner,) = _inner(importer, plugin, (1,), two_sided)
-    return Built(NormalMap(normals, inner.bsdf), 1 + inner.parts, inner.passes)
+        raise texture.refuse("an image with three channels is expected")
+    return NormalMap(normals, *_inner(importer, plugin, (1,), two_sided))
 
 
-BSDFS: dict[str, Callable[[Importer, Plugin, bool], Built]] = {
-    **{name: _leaf for each in LEAF_PLUGINS.values() for name in (each.plugin, each.rough) if name is not None},
+BSDFS: dict[str, Callable[[Importer, Plugin, bool], Bsdf]] = {
+    **{name: _leaf for leaf in LEAF_PLUGINS.values() for name in leaf.plugins},
     "roughdiffuse": _rough_diffuse,
     "twosided": _two_sided,
     "mask": _mask,

@@ -76,7 +76,7 @@ def _look(importer: Importer, plugin: Plugin) -> Look:
         importer.claim(emitters[0], plugin)
     radiance = area_radiance(importer, emitters[0]) if emitters else BLACK
     if found:
-        return Look(bsdf(importer, found[0]).bsdf, radiance, found[0].label)
+        return Look(bsdf(importer, found[0]), radiance, found[0].label)
     if emitters:
         return Look(None, radiance, "emitter")
     importer.one_sided["shapes without a BSDF"] = None
