@@ -185,8 +185,9 @@ def results_of(folder: Path, manifest: Manifest, events: Sequence[AnyEvent]) -> 
 
 def phase_seconds(cell: Measurement, phase: str) -> float:
     """Seconds of a phase, one of `PHASES`; 0 where it was not recorded."""
-    rendered = phase == "render" and isinstance(cell, Cell)
-    value: float | None = cell.render_seconds if rendered else getattr(cell.phases, f"{phase}_seconds")
+    value: float | None = getattr(cell.phases, f"{phase}_seconds")
+    if phase == "render" and isinstance(cell, Cell):
+        value = cell.render_seconds
     return value if value is not None and math.isfinite(value) else 0.0
 
 
