@@ -75,7 +75,7 @@ def noise_floors(crossings: Frame, pairs: Frame) -> Floors:
     targets = distances.columns[1:]
     distances[targets] = distances[targets].ffill(axis=1).bfill(axis=1)
     return {
-        (scene, measure): noise_floor(own, everyone)
+        (str(scene), str(measure)): noise_floor(own.tolist(), everyone.tolist())
         for measure, everyone in distances.items()
         for scene, own in everyone.groupby(level=0)
     }
