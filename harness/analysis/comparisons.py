@@ -25,7 +25,7 @@ CLOCK_SECONDS = 1e-6
 PAIRS = ["race", *CONTESTANT_KEYS, "baseline", "factor", "no_ratio", "ranked"]
 RATIOS = ["ratio", "ratio_low", "ratio_high", "blocks", "verdict"]
 Floors = Mapping[tuple[str, str], float]
-"""(scene, measure) -> noise floor as a log ratio; without those that were not measured."""
+"""(scene, measure) -> noise floor as a log ratio; NaN, or not there, where it was not measured."""
 
 
 def pairs(results: Results, verdicts: Sequence[Verdict]) -> Frame:
@@ -60,32 +60,29 @@ def _why_no_ratio(verdict: Verdict, baseline: Verdict | None, group: Sequence[Ve
 
 def noise_floors(crossings: Frame, pairs: Frame) -> Floors:
     """Of each scene that has A/A twins, from the distances of its own and of all twins of the run. The reference's noise moves
-    the times of twins alike, so these are taken as they are found."""
-    first, *targets = measures(crossings)
-    distances: dict[str, dict[str, list[float]]] = {}
-    for twin in pairs[(pairs.factor == AA) & (pairs.baseline != "")].itertuples():
+    the times of twins alike, so these are taken as they are found.
+
+    Where twins did not get to a target, or were there at once, their distance on the nearest easier target that was timed
+    stands in, else that on the nearest harder one.
+    """
+    twins = pairs[(pairs.factor == AA) & (pairs.baseline != "")]
+    rows = []
+    for twin in twins.itertuples():
         own = crossings[crossings.own & (crossings.scene == twin.scene)]
-        both = [logs(own[own.measure == measure], [twin.baseline, twin.contestant]) for measure in (first, *targets)]
-        found = [twin_distance(*ends, 0, 1) for ends in both]
-        for measure, distance in zip((first, *targets), [found[0], *_filled(found[1:])], strict=True):
-            distances.setdefault(measure, {}).setdefault(twin.scene, []).append(distance)
-    floors = {}
-    for measure, scenes in distances.items():
-        everyone = [distance for found in scenes.values() for distance in found]
-        floors |= {(scene, measure): noise_floor(found, everyone) for scene, found in scenes.items()}
-    return floors
-
-
-def _filled(distances: Sequence[float]) -> list[float]:
-    """Distances of twins on targets, the easiest first. Where the twins did not get there, or were there at once, that of the
-    nearest easier target that was timed stands in, else of the nearest harder one."""
-    known = [index for index, distance in enumerate(distances) if math.isfinite(distance)]
-    nearest = [max((k for k in known if k <= index), default=known[0] if known else index) for index in range(len(distances))]
-    return [distances[index] for index in nearest]
+        both = [logs(own[own.measure == measure], [twin.baseline, twin.contestant]) for measure in measures(crossings)]
+        rows.append([twin_distance(*ends, 0, 1) for ends in both])
+    distances = pd.DataFrame(rows, twins.scene, measures(crossings), dtype=float)
+    targets = distances.columns[1:]
+    distances[targets] = distances[targets].ffill(axis=1).bfill(axis=1)
+    return {
+        (str(scene), str(measure)): noise_floor(own.tolist(), everyone.tolist())
+        for measure, everyone in distances.items()
+        for scene, own in everyone.groupby(level=0)
+    }
 
 
 def measures(crossings: Frame) -> list[str]:
-    """Seconds per sample, then the targets as they were given."""
+    """Seconds per sample, then the targets as they were given: the easiest first."""
     return [PER_SAMPLE, *(measure for measure in crossings.measure.unique() if measure != PER_SAMPLE)]
 
 
