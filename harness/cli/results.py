@@ -129,15 +129,15 @@ def calibrate(folder: Path) -> int:
     from harness.store.results import load_results
 
     require_results(folder)
-    calibrated = calibration.calibrate(analyse(load_results(folder)))
+    found = calibration.calibrate(analyse(load_results(folder)))
     console = consoles()[0]
-    console.print(calibration.rests_on(calibrated), markup=False, soft_wrap=True)
+    console.print(calibration.rests_on(found), markup=False, soft_wrap=True)
     table = Table("figure", "value", "must be", "", box=None, header_style="bold")
-    for figure in calibration.figures(calibrated):
+    for figure in calibration.figures(found):
         holds = "" if figure.holds is None else "holds" if figure.holds else "missed"
         table.add_row(figure.name, figure.value, figure.wanted, holds)
     console.print(table)
-    return 1 if calibration.missed(calibrated) else 0
+    return 1 if calibration.missed(found) else 0
 
 
 def compare(
@@ -150,22 +150,22 @@ def compare(
     suffix = None if output is None else check_file(output, [f".{name}" for name in TEXTS])
     for folder in (*before, *after):
         require_results(folder)
-    changed = changes([load_results(folder) for folder in before], [load_results(folder) for folder in after], threshold)
-    shown = [row for row in changed.rows if everything or row["verdict"] not in NO_CHANGE]
+    found = changes([load_results(folder) for folder in before], [load_results(folder) for folder in after], threshold)
+    shown = [row for row in found.rows if everything or row["verdict"] not in NO_CHANGE]
     console = consoles()[0]
-    console.print(changed.note, markup=False, soft_wrap=True)
+    console.print(found.note, markup=False, soft_wrap=True)
     if shown:
-        columns = changed.columns[:-1]
+        columns = found.columns[:-1]
         table = Table(*(column.heading for column in columns), box=None, header_style="bold")
         for row in shown:
             table.add_row(*(escape(cell_text(column, row.get(column.name))) for column in columns))
         console.print(table)
-    counts = Counter(str(row["verdict"]) for row in changed.rows)
+    counts = Counter(str(row["verdict"]) for row in found.rows)
     counted = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items()))
     console.print(f"{counted or 'nothing to compare'}.", soft_wrap=True)
     if output is not None and suffix is not None:
-        atomic.write_text(output, TEXTS[suffix.removeprefix(".")](changed))
-    return sum(bool(row.get("regression")) for row in changed.rows)
+        atomic.write_text(output, TEXTS[suffix.removeprefix(".")](found))
+    return sum(bool(row.get("regression")) for row in found.rows)
 
 
 def sides(folders: Sequence[Path], before: Sequence[Path], after: Sequence[Path]) -> tuple[Sequence[Path], Sequence[Path]]:
