@@ -30,7 +30,7 @@ PUBLIC = {
     *("harness.suites",),
     *("harness.config", "harness.config.paths", "harness.config.settings"),
     *("harness.measure.clock", "harness.measure.contention", "harness.measure.machine", "harness.measure.messages"),
-    *("harness.measure.pool", "harness.measure.schedule", "harness.trace.oracle"),
+    *("harness.measure.pool", "harness.measure.requests", "harness.measure.schedule", "harness.trace.oracle"),
     *("harness.store", "harness.store.atomic", "harness.store.confined", "harness.store.records", "harness.store.results"),
     *("harness.plan.cells", "harness.plan.planner", "harness.run.progress", "harness.run.recorder", "harness.run.sweep"),
     *("harness.statistics", "harness.statistics.convergence", "harness.statistics.equivalence"),

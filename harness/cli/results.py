@@ -141,8 +141,8 @@ def compare(
     suffix = None if output is None else check_file(output, [f".{name}" for name in TEXTS])
     for folder in (*before, *after):
         require_results(folder)
-    both = [[load_results(folder) for folder in side] for side in (before, after)]
-    found = changes(*both, threshold)
+    then, now = ([load_results(folder) for folder in side] for side in (before, after))
+    found = changes(then, now, threshold)
     shown = [row for row in found.rows if everything or row["verdict"] not in NO_CHANGE]
     console = consoles()[0]
     console.print(found.note, markup=False, soft_wrap=True)
@@ -155,7 +155,7 @@ def compare(
     counts = Counter(str(row["verdict"]) for row in found.rows)
     counted = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items()))
     console.print(f"{counted or 'nothing to compare'}.", soft_wrap=True)
-    if any(results.ray_cells for side in both for results in side):
+    if any(results.ray_cells for results in (*then, *now)):
         console.print("Cells that trace rays are not compared between folders.")
     if output is not None and suffix is not None:
         atomic.write_text(output, TEXTS[suffix.removeprefix(".")](found))
