@@ -49,10 +49,9 @@ class TracerSettings:
 
 @dataclass(frozen=True, slots=True)
 class CellSettings(TracerSettings):
-    """What an engine is told about a cell that renders, beside scene and seed. `width` and `height` are in pixels, `precision`
-    is float64 or float32; a choice has all of its options."""
+    """What an engine is told about a cell that renders, beside scene and seed. `width` and `height` are in pixels; a choice has
+    all of its options."""
 
-    precision: str
     shader: Choice
     sampler: Choice
     width: int

@@ -38,12 +38,6 @@ class SceneFile:
         """The names by which a filter finds it."""
         return self.name, Path(self.path).stem
 
-    @property
-    def options(self) -> dict[str, Any]:
-        """What a request of a worker says beside its path."""
-        parameters = {"scene_parameters": dict(self.parameters)} if self.parameters else {}
-        return {**parameters, **({"allow_outside": True} if self.allow_outside else {})}
-
     def load(self, allow_imports: bool) -> Scene:
         return load_scene(self.path, allow_imports, self.allow_outside, dict(self.parameters), natively=True)
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Iterator, Mapping, Sequence
+import pickle
+from collections.abc import Generator, Iterator, Sequence
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple, NoReturn, TypeVar
@@ -14,6 +15,7 @@ from engines.processes import BadMessage, Closed, Process, records, status_in_wo
 from engines.temporary import TemporaryFolder, remove_abandoned
 from harness.measure import contention, films, memory, messages, tracing
 from harness.measure.messages import Answer, End, Failed, Go, Idle, Imported, Job, Point, Prepared, Results, Traced, Unwritten
+from harness.measure.requests import CellRequest, ImageRequest, RayRequest, ReferenceRequest, Request
 from harness.measure.run_queue import EndedThreads
 from harness.processes import worker_environment
 
@@ -98,7 +100,7 @@ class Worker:
     def ask(self, request: Job | Go) -> None:
         self.busy = True
         try:
-            self._channel.send(records.encoded(request))
+            self._channel.send(pickle.dumps(request))
         except Closed:
             self._died()
 
@@ -222,9 +224,8 @@ class Pool:
             self._workers[engine] = Worker(engine, self._allow_imports, self._log, *limits)
         return self._workers[engine]
 
-    def cell(self, engine: str, request: Mapping[str, Any], timeout_seconds: float) -> Generator[WorkerMessage]:
-        """The messages of a worker about a cell, from its import to its end; the caller's time in between is not counted. A
-        request with `rays` is traced, another one is rendered.
+    def cell(self, engine: str, request: CellRequest | RayRequest, timeout_seconds: float) -> Generator[WorkerMessage]:
+        """The messages of a worker about a cell, from its import to its end; the caller's time in between is not counted.
 
         Raises `WorkerFailed` and `WorkerTimeout`. A worker that is left before its end is killed. What disturbed the cell is
         judged here: `machine` of its `End`.
@@ -232,8 +233,8 @@ class Pool:
         worker = self.worker(engine)
         yield WorkerMessage(worker.imported)
         deadline = monotonic() + timeout_seconds
-        task = tracing.RayTask(**request["rays"]) if "rays" in request else None
-        worker.ask(Job(f"harness.measure.jobs:{'trace' if task else 'cell'}", self._complete(request)))
+        traces = isinstance(request, RayRequest)
+        worker.ask(Job(f"harness.measure.jobs:{'trace' if traces else 'cell'}", self._complete(request)))
         expected: tuple[type[Prepared | Point | Traced | End], ...] = (Prepared,)
         worker.threads, waited = EndedThreads(), 0.0
         try:
@@ -242,17 +243,17 @@ class Pool:
                 began, film, answers = monotonic(), None, None
                 if isinstance(answer, (Point, Traced)):
                     waited += worker.ended_waits(answer)
-                if isinstance(answer, Point):
+                if isinstance(answer, Point) and isinstance(request, CellRequest):
                     film = self._film(worker, request, answer.spp, answer.overshoots)
-                if isinstance(answer, Traced) and task:
-                    answers = self._answers(worker, task)
+                if isinstance(answer, Traced) and isinstance(request, RayRequest):
+                    answers = self._answers(worker, request)
                 if isinstance(answer, End):
-                    machine = contention.judged(answer.machine, request["settings"]["threads"], waited)
+                    machine = contention.judged(answer.machine, request.settings.threads, waited)
                     yield WorkerMessage(answer._replace(machine=machine))
                     return
                 yield WorkerMessage(answer, film, answers)
                 deadline += monotonic() - began
-                expected = (Point, End) if task is None else (End,) if isinstance(answer, Traced) else (Traced,)
+                expected = (Point, End) if not traces else (End,) if isinstance(answer, Traced) else (Traced,)
                 if film is not None:
                     worker.ask(Go())
         except GeneratorExit:
@@ -261,14 +262,14 @@ class Pool:
         finally:
             worker.threads = None
 
-    def replicates(self, engine: str, request: Mapping[str, Any], seeds: Sequence[int]) -> Iterator[tuple[Film, float]]:
+    def replicates(self, engine: str, request: ReferenceRequest, seeds: Sequence[int]) -> Iterator[tuple[Film, float]]:
         """A reference's image under each seed, in order, with the seconds it took. Raises `WorkerFailed`."""
         worker = self.worker(engine)
-        worker.ask(Job("harness.measure.jobs:reference", self._complete({**request, "seeds": list(seeds)})))
+        worker.ask(Job("harness.measure.jobs:reference", self._complete(request._replace(seeds=tuple(seeds)))))
         try:
             for _ in seeds:
                 answer = self._receive(worker, request, FOREVER, Point)
-                yield self._film(worker, request, request["spp"], answer.overshoots), answer.seconds
+                yield self._film(worker, request, request.spp, answer.overshoots), answer.seconds
                 worker.ask(Go())
         except GeneratorExit:
             worker.kill()
@@ -284,17 +285,19 @@ class Pool:
         worker.receive(deadline, End)
         return found
 
-    def _complete(self, request: Mapping[str, Any]) -> dict[str, Any]:
+    def _complete(self, request: Request) -> Request:
         """A request with what this pool adds to it."""
-        return {**request, "allow_imports": self._allow_imports, "scratch": str(self.scratch)}
+        return request._replace(allow_imports=self._allow_imports, scratch=str(self.scratch))
 
-    def _receive(self, worker: Worker, request: Mapping[str, Any], deadline: float, *expected: type[T]) -> T:
+    def _receive(self, worker: Worker, request: Request, deadline: float, *expected: type[T]) -> T:
         """The worker's next answer. Raises `ConfigError` where a film cannot be written, which is no failure of the cell,
         once this process has tried as well: an engine can send any message."""
         try:
             return worker.receive(deadline, *expected)
         except FilmUnwritten as error:
-            size = request["settings"]["width"] * request["settings"]["height"] * BYTES_A_PIXEL
+            if isinstance(request, RayRequest):
+                raise
+            size = request.settings.width * request.settings.height * BYTES_A_PIXEL
             try:
                 with self.scratch.open("wb") as file:
                     for _ in range(0, size, 1 << 20):
@@ -303,19 +306,19 @@ class Pool:
                 raise ConfigError(str(error)) from None
             raise WorkerFailed(f"its film could not be written there, though this process can: {error}") from None
 
-    def _film(self, worker: Worker, request: Mapping[str, Any], spp: int, overshoots: bool) -> Film:
+    def _film(self, worker: Worker, request: ImageRequest, spp: int, overshoots: bool) -> Film:
         """The film of `spp` samples that a worker has left; raises `WorkerFailed` where it is none."""
-        settings = request["settings"]
+        settings = request.settings
         try:
-            return films.take(self.scratch, settings["width"], settings["height"], spp, overshoots)
+            return films.take(self.scratch, settings.width, settings.height, spp, overshoots)
         except RaybenchError as error:
             worker.kill()
             raise WorkerFailed(str(error)) from error
 
-    def _answers(self, worker: Worker, task: tracing.RayTask) -> tracing.Arrays:
+    def _answers(self, worker: Worker, request: RayRequest) -> tracing.Arrays:
         """The answers that a worker has left; raises `WorkerFailed` where they are none."""
         try:
-            return tracing.read_answers(self.scratch, task)
+            return tracing.read_answers(self.scratch, request)
         except RaybenchError as error:
             worker.kill()
             raise WorkerFailed(str(error)) from error

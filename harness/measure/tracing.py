@@ -10,7 +10,7 @@ import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -20,24 +20,13 @@ from engines.interface import Engine, HasTracer, RayTracer, Settings
 from engines.scene import Scene
 from harness.measure import clock
 from harness.measure.contention import Disturbance
+from harness.measure.requests import RayRequest
 from harness.settings import TracerSettings, plugin_or_choice
 
 FIRST_RAYS = 16_384
 """Rays of the call that does not count: enough for engines that share large sets among threads."""
 LEAST_PASSES = 2
 Arrays = Mapping[str, Any]
-
-
-class RayTask(NamedTuple):
-    """What a worker does with a set of rays of a kind: it traces all of it, `batch` rays a call (None: in one), until
-    `max_time_seconds` are on the clock. `file` holds the set; answers to `checked` and to `hard` rays are expected."""
-
-    file: str
-    kind: str
-    batch: int | None
-    max_time_seconds: float
-    checked: int
-    hard: int
 
 
 def write_rays(path: Path, rays: Any, checked: Any, hard: Any) -> None:
@@ -86,54 +75,52 @@ def make_tracer(engine: Engine, scene: Scene, settings: TracerSettings, allow_im
     return engine.prepare(scene, choices[reasons.index(None)])
 
 
-def prepare(
-    engine: Engine, scene: Scene, settings: TracerSettings, allow_imports: bool, task: RayTask, rays: Arrays
-) -> tuple[RayTracer, float, float]:
+def prepare(engine: Engine, scene: Scene, request: RayRequest, rays: Arrays) -> tuple[RayTracer, float, float]:
     """A tracer, the seconds that building it took, and those of its first call."""
     start = perf_counter()
-    tracer = make_tracer(engine, scene, settings, allow_imports)
+    tracer = make_tracer(engine, scene, request.settings, request.allow_imports)
     built = perf_counter()
-    _answer(tracer, task, rays, slice(0, FIRST_RAYS))
+    _answer(tracer, request, rays, slice(0, FIRST_RAYS))
     return tracer, built - start, perf_counter() - built
 
 
-def timed_passes(tracer: RayTracer, task: RayTask, rays: Arrays, disturbance: Disturbance) -> tuple[float, int]:
+def timed_passes(tracer: RayTracer, request: RayRequest, rays: Arrays, disturbance: Disturbance) -> tuple[float, int]:
     """Seconds and number of the passes over the whole set."""
     count = len(rays["t_max"])
-    batch = task.batch or count
+    batch = request.batch or count
     parts = [slice(first, first + batch) for first in range(0, count, batch)]
 
     def one_pass(spp: int) -> Any:
         for part in parts:
-            _call(tracer, task)(rays["origins"][part], rays["directions"][part], rays["t_max"][part])
+            _call(tracer, request)(rays["origins"][part], rays["directions"][part], rays["t_max"][part])
 
     seconds, passes = 0.0, 0
-    while passes < LEAST_PASSES or seconds < task.max_time_seconds:
+    while passes < LEAST_PASSES or seconds < request.max_time_seconds:
         seconds, passes = seconds + clock.timed_call(one_pass, 1, disturbance)[1], passes + 1
     return seconds, passes
 
 
-def _call(tracer: RayTracer, task: RayTask) -> Any:
-    return tracer.occluded if task.kind == "shadow" else tracer.trace
+def _call(tracer: RayTracer, request: RayRequest) -> Any:
+    return tracer.occluded if request.kind == "shadow" else tracer.trace
 
 
-def leave_answers(tracer: RayTracer, task: RayTask, rays: Arrays, file: str) -> None:
-    """Writes into a file the answers to the rays to be checked, traced among all others, and to the hard rays."""
-    whole = _answer(tracer, task, rays, slice(None))
+def leave_answers(tracer: RayTracer, request: RayRequest, rays: Arrays) -> None:
+    """Writes the answers to the rays to be checked, traced among all others, and to the hard rays."""
+    whole = _answer(tracer, request, rays, slice(None))
     hard = {name.removeprefix("hard_"): array for name, array in rays.items() if name.startswith("hard_")}
     kept = {name: array[rays["checked"]] for name, array in whole.items()}
     np.savez(
-        file.removesuffix(".npz"),
+        request.scratch.removesuffix(".npz"),
         **kept,
-        **{f"hard_{name}": array for name, array in _answer(tracer, task, hard, slice(None)).items()},
+        **{f"hard_{name}": array for name, array in _answer(tracer, request, hard, slice(None)).items()},
     )
 
 
-def _answer(tracer: RayTracer, task: RayTask, rays: Arrays, part: slice) -> dict[str, Any]:
+def _answer(tracer: RayTracer, request: RayRequest, rays: Arrays, part: slice) -> dict[str, Any]:
     """An engine's answers as arrays; raises `RendererFailed` where they are not what the interface says."""
     given = [rays[name][part] for name in ("origins", "directions", "t_max")]
-    found: Any = _call(tracer, task)(*given)
-    if task.kind == "shadow":
+    found: Any = _call(tracer, request)(*given)
+    if request.kind == "shadow":
         arrays = {"blocked": np.asarray(found)}
     else:
         arrays = {name: np.asarray(getattr(found, name)) for name in ("t", "shape", "primitive")}
@@ -143,11 +130,11 @@ def _answer(tracer: RayTracer, task: RayTask, rays: Arrays, part: slice) -> dict
     return arrays
 
 
-def read_answers(path: Path, task: RayTask) -> Arrays:
+def read_answers(path: Path, request: RayRequest) -> Arrays:
     """What `leave_answers` has written: `blocked`, or `t`, `shape` and `primitive`, each also with `hard_` before it. Raises
     `RendererFailed` where that is something else."""
-    names = ("blocked",) if task.kind == "shadow" else ("t", "shape", "primitive")
-    sizes = {"": task.checked, "hard_": task.hard}
+    names = ("blocked",) if request.kind == "shadow" else ("t", "shape", "primitive")
+    sizes = {"": request.checked, "hard_": request.hard}
     kinds = {"t": np.float64, "blocked": np.bool_}
     try:
         with np.load(path, allow_pickle=False) as file:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from shlex import quote
 from typing import Any
@@ -14,6 +14,7 @@ from engines.interface import FullPattern
 from engines.registry import is_file, names_a_program, split
 from harness.config import Checkpoints, Experiment, paths
 from harness.config.settings import Budget, SceneFile
+from harness.measure.requests import CellRequest
 from harness.measure.schedule import Schedule
 from harness.plan.ray_sets import PlannedRaySet
 from harness.plan.references import PlannedReference
@@ -96,18 +97,11 @@ class Cell:
         assert isinstance(self.settings, CellSettings)
         return next((Choice.of(each.sampler) for each in self.patterns if each.spp == spp), self.settings.sampler)
 
-    def request(self, checkpoints: Checkpoints) -> dict[str, Any]:
-        """The request that a worker gets for this cell. Where it traces rays, `Recorder.request` adds these."""
-        return {
-            "scene_path": self.scene.path,
-            **self.scene.options,
-            "scene_hash": self.scene_hash,
-            "settings": self.settings.describe(),
-            "seed": self.seed,
-            "warm_up_seed": self.seed + WARM_UP_SEED,
-            "schedule": Schedule.of(checkpoints, self.budget)._asdict(),
-            "patterns": [asdict(each) for each in self.patterns],
-        }
+    def request(self, checkpoints: Checkpoints) -> CellRequest:
+        """What a worker is asked for of a cell that renders."""
+        assert isinstance(self.settings, CellSettings)
+        schedule, warm_up_seed = Schedule.of(checkpoints, self.budget), self.seed + WARM_UP_SEED
+        return CellRequest(self.scene, self.scene_hash, self.settings, self.seed, warm_up_seed, schedule, self.patterns)
 
 
 @dataclass(frozen=True, slots=True)

@@ -319,14 +319,12 @@ def _reference(
     }
     spec["code"] = {"engine": known.code(given.engine), **plugin_codes(plain)}
     planned = PlannedReference(
-        file.name,
-        file.path,
+        file,
         scene.identity,
         spec,
         replace(settings, threads=given.threads or len(usable_cores())),
         lineage_of(engine),
         margins=experiment.equivalence.margins,
-        scene_options=file.options,
     )
     return replace(planned, certifier=_certifier(experiment, scene, planned, known)), None
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from harness.config.settings import SceneFile
 from harness.hashing import digest
 from harness.settings import CellSettings
 from harness.statistics.equivalence import DEFAULT_MARGINS, Margins
@@ -35,16 +36,13 @@ class PlannedReference:
     The certifier's image counts as the same within `margins`.
     """
 
-    scene_name: str
-    scene_path: str
+    scene: SceneFile
     scene_hash: str
     spec: Mapping[str, Any]
     settings: CellSettings
     lineage: str = ""
     certifier: Certifier | None = None
     margins: Margins = DEFAULT_MARGINS
-    scene_options: Mapping[str, Any] = field(default_factory=dict)
-    """`SceneFile.options`."""
 
     @property
     def reference_id(self) -> str:
@@ -61,7 +59,7 @@ class PlannedReference:
 
     def describe(self) -> str:
         """Scene, size and samples in a few words."""
-        return f"{self.scene_name} {self.spec['width']}x{self.spec['height']} {self.spp} spp"
+        return f"{self.scene.name} {self.spec['width']}x{self.spec['height']} {self.spp} spp"
 
     def folder(self, root: Path) -> Path:
         return root / self.scene_hash[:16] / self.reference_id

@@ -104,7 +104,7 @@ def _made(wanted: PlannedReference, root: Path, pool: Images, report: Report) ->
     certificate = Certificate(
         **{**spec, "margins": tuple(wanted.margins), "verdict": "impossible", **compared},
         certificate_id=digest(spec),
-        scene=wanted.scene_name,
+        scene=wanted.scene.name,
         reference_engine=wanted.spec["engine"],
         spp=spp,
         width=certifier.settings.width,

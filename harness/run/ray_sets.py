@@ -13,8 +13,10 @@ from engines.scene import Scene
 from engines.temporary import TemporaryFolder
 from harness.config.settings import SceneFile
 from harness.measure import tracing
-from harness.measure.tracing import Arrays, RayTask
+from harness.measure.requests import RayRequest
+from harness.measure.tracing import Arrays
 from harness.plan.ray_sets import PlannedRaySet
+from harness.settings import TracerSettings
 from harness.store.records import Answers
 from harness.trace.judge import Faults, Judge, leaks
 from harness.trace.rays import Rays, hard_rays, make_rays
@@ -37,9 +39,10 @@ class RaySet:
         self._file, self._sizes = file, (len(chosen), len(hard.t_max))
         tracing.write_rays(file, rays, chosen, hard)
 
-    def task(self, wanted: PlannedRaySet, max_time_seconds: float) -> RayTask:
+    def request(self, wanted: PlannedRaySet, settings: TracerSettings, max_time_seconds: float) -> RayRequest:
         """What a worker is asked for."""
-        return RayTask(str(self._file), self._kind, wanted.config.batch, max_time_seconds, *self._sizes)
+        own = str(self._file), wanted.kind, wanted.config.batch, max_time_seconds, *self._sizes
+        return RayRequest(wanted.scene, wanted.scene_hash, settings, *own)
 
     def judged(self, answers: Arrays) -> Answers:
         """What is wrong with answers, as `tracing.read_answers` returns them. The same ones are judged once."""

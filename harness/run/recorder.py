@@ -19,6 +19,7 @@ from harness.measure import films, machine
 from harness.measure.messages import End, Imported, Prepared, Traced
 from harness.measure.messages import Point as MeasuredPoint
 from harness.measure.pool import WorkerFailed, WorkerMessage, WorkerTimeout
+from harness.measure.requests import CellRequest, RayRequest
 from harness.plan.cells import Cell, Plan
 from harness.plan.state import up_to_date
 from harness.run.contended import contended_by_cpu_time
@@ -110,13 +111,11 @@ class Recorder:
 
     # --- what is measured again -------------------------------------------------------------------------------------
 
-    def request(self, cell: Cell) -> dict[str, Any]:
+    def request(self, cell: Cell) -> CellRequest | RayRequest:
         """What a worker is asked for of a cell."""
-        request = cell.request(self.plan.experiment.checkpoints)
         if cell.ray_set is None:
-            return request
-        task = self.ray_sets.of(cell.ray_set).task(cell.ray_set, cell.budget.max_time_seconds)
-        return {**request, "rays": task._asdict()}
+            return cell.request(self.plan.experiment.checkpoints)
+        return self.ray_sets.of(cell.ray_set).request(cell.ray_set, cell.settings, cell.budget.max_time_seconds)
 
     def contended_again(self, possible: Callable[[AnyCell], bool]) -> Iterator[list[Cell]]:
         """Contended cells, round after round, until none is left or the config's rounds are used up, over all runs.

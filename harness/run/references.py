@@ -18,12 +18,12 @@ the bit as one made at once.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from time import monotonic
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -32,6 +32,7 @@ from engines.errors import ConfigError
 from engines.film import Film
 from harness.measure import machine
 from harness.measure.pool import WorkerFailed
+from harness.measure.requests import ReferenceRequest
 from harness.plan.references import PlannedReference
 from harness.settings import CellSettings
 from harness.store import atomic, locks
@@ -46,7 +47,7 @@ Report = Callable[[int, int], None]
 class Images(Protocol):
     """Who renders replicates: `pool.Pool` here, `executors.dask.Cluster` on other machines."""
 
-    def replicates(self, engine: str, request: Mapping[str, Any], seeds: Sequence[int]) -> Iterator[tuple[Film, float]]:
+    def replicates(self, engine: str, request: ReferenceRequest, seeds: Sequence[int]) -> Iterator[tuple[Film, float]]:
         """The image under each seed, in order, with the seconds it took. Raises `WorkerFailed`."""
         ...
 
@@ -111,20 +112,15 @@ def replicates(
 ) -> Iterator[tuple[Film, float]]:
     """The reference's image under each seed, with the seconds it took; by another engine, with other settings and samples,
     where these are named."""
-    request = {
-        "scene_path": wanted.scene_path,
-        **wanted.scene_options,
-        "scene_hash": wanted.scene_hash,
-        "settings": (settings or wanted.settings).describe(),
-        "spp": spp or wanted.spec["replicate_spp"],
-    }
+    spp = spp or wanted.spec["replicate_spp"]
+    request = ReferenceRequest(wanted.scene, wanted.scene_hash, settings or wanted.settings, spp)
     yield from pool.replicates(engine or wanted.spec["engine"], request, list(seeds))
 
 
 def event(wanted: PlannedReference, root: Path) -> Reference:
     """What `events.jsonl` says of a reference. Its id and its scene's hash say where it lies."""
     return Reference(
-        scene=wanted.scene_name,
+        scene=wanted.scene.name,
         scene_hash=wanted.scene_hash,
         reference_id=wanted.reference_id,
         engine=wanted.spec["engine"],
@@ -168,7 +164,7 @@ def _add(film: Film, replicate: Film, wanted: PlannedReference) -> None:
     if pixels or replicate.bad_samples:
         bad = f"{pixels} pixels of the image" if pixels else f"{replicate.bad_samples} samples"
         raise WorkerFailed(
-            f"reference of {wanted.scene_name} by {wanted.spec['engine']}, seed {seed}: {bad} are NaN or infinite: finite "
+            f"reference of {wanted.scene.name} by {wanted.spec['engine']}, seed {seed}: {bad} are NaN or infinite: finite "
             "radiance is expected"
         )
     film.add(image)
@@ -185,7 +181,7 @@ def _save(folder: Path, wanted: PlannedReference, film: Film, seconds: float) ->
     meta = ReferenceMeta(
         reference_id=wanted.reference_id,
         family=wanted.family,
-        scene=wanted.scene_name,
+        scene=wanted.scene.name,
         scene_hash=wanted.scene_hash,
         spec=ReferenceSpec(**wanted.spec),
         done=film.spp,

@@ -419,9 +419,10 @@ class RayAttempt(Traced):
 
 
 AnyCell = Cell | RayCell
+AnyAttempt = Attempt | RayAttempt
 
 
-def attempt_of(cell: AnyCell) -> Attempt | RayAttempt:
+def attempt_of(cell: AnyCell) -> AnyAttempt:
     """The same measurement, which does not count."""
     kept = {name: getattr(cell, name) for name in cell.model_fields_set - {"event"}}
     return RayAttempt(**kept) if isinstance(cell, RayCell) else Attempt(**kept)
@@ -498,21 +499,8 @@ class Calibration(Record):
     without_twins: Count
 
 
-AnyEvent = (
-    Run
-    | Environment
-    | Targets
-    | Reference
-    | Certificate
-    | Start
-    | Cell
-    | Attempt
-    | RayCell
-    | RayAttempt
-    | ArchivedVerdicts
-    | Calibration
-    | VerifyJob
-)
+OfArchives = ArchivedVerdicts | Calibration
+AnyEvent = Run | Environment | Targets | Reference | Certificate | Start | AnyCell | AnyAttempt | OfArchives | VerifyJob
 Event = Annotated[AnyEvent, Field(discriminator="event")]
 
 

@@ -13,10 +13,12 @@ from engines.interface import Renderer
 from engines.registry import engine as engine_of
 from engines.schema.yaml_file import locate
 from harness import config, store
-from harness.measure import clock, jobs
+from harness.measure import clock
+from harness.measure.requests import ReferenceRequest
 from harness.plan import planner
 from harness.plan.cells import Cell, Plan
 from harness.run.sweep import Options, Sweep
+from harness.settings import engine_settings
 from harness.store import records
 from harness.store.results import brief_choice
 from harness.view import requests
@@ -60,14 +62,14 @@ class Replicates:
         if self._renderer is not None:
             self._renderer.stop()
 
-    def replicates(self, engine: str, request: Mapping[str, Any], seeds: Sequence[int]) -> Iterator[tuple[Film, float]]:
-        request = {**request, "allow_imports": self._allow_imports}
-        scene, _ = jobs.loaded(request)
+    def replicates(self, engine: str, request: ReferenceRequest, seeds: Sequence[int]) -> Iterator[tuple[Film, float]]:
+        scene = request.scene.load(self._allow_imports)
         for seed in seeds:
-            self._renderer = clock.prepare(engine_of(engine), scene, jobs.settings_of(request, seed))[0]
+            settings = engine_settings(request.settings, seed, self._allow_imports)
+            self._renderer = clock.prepare(engine_of(engine), scene, settings)[0]
             start = perf_counter()
-            film = self._renderer.render(request["spp"]) if not self._stopped else None
-            if film is None or film.spp < request["spp"]:
+            film = self._renderer.render(request.spp) if not self._stopped else None
+            if film is None or film.spp < request.spp:
                 raise Stopped
             yield film, perf_counter() - start
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from engines.choices import Choice
 from engines.film import Film
+from harness.config.settings import SceneFile
 from harness.run import references
 from harness.settings import CellSettings
 from harness.store import reference_files
@@ -36,7 +37,7 @@ def wanted(number: int, replicates: int = REPLICATES) -> references.PlannedRefer
         "shader": {"name": "albedo"},
         "seed": 100 * number,
     }
-    return references.PlannedReference("ball", "ball.yaml", "5ce4e", asked, SETTINGS)
+    return references.PlannedReference(SceneFile("ball", "ball.yaml"), "5ce4e", asked, SETTINGS)
 
 
 def image(seed: int) -> np.ndarray:

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from harness.config.settings import SceneFile
 from harness.store import validation
 from harness.store.events import line_of
 from harness.store.records import Manifest
@@ -238,7 +239,7 @@ def write_reference(folder, scene, size, rng):
     from engines.film import Film
     from harness.run import references
 
-    wanted = references.PlannedReference(scene, scene, "s" + scene, reference_asked(scene, size), {})
+    wanted = references.PlannedReference(SceneFile(scene, scene), "s" + scene, reference_asked(scene, size), {})
     truth = picture(scene, size)
     film = Film(size.width, size.height)
     for _ in range(2):

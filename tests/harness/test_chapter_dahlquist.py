@@ -10,6 +10,7 @@ import engines
 from engines import Settings, dahlquist
 from engines.film import Film
 from engines.image import write_image
+from harness.config.settings import SceneFile
 from harness.report.chapter import figures, write_chapter
 from harness.run import references
 from harness.store.events import line_of
@@ -57,7 +58,7 @@ def chapter(folder, made, reference=None, cell_ids=()):
     events = [*made, *twins]
     if reference is not None:
         asked = reference_asked("dahlquist", SIZE)
-        wanted = references.PlannedReference("dahlquist", "dahlquist", "sdahlquist", asked, {})
+        wanted = references.PlannedReference(SceneFile("dahlquist", "dahlquist"), "sdahlquist", asked, {})
         film = Film(*SIZE)
         for _ in range(2):
             film.add(reference)

@@ -15,12 +15,17 @@ from engines.errors import ConfigError
 from engines.image import read_film_layers
 from harness import store
 from harness.analysis.frames import open_results
+from harness.config.settings import SceneFile
+from harness.measure.requests import ReferenceRequest
 from tests.harness import sweeping
+from tests.harness.shared_references import SETTINGS
 
 TEXT = sweeping.EXPERIMENT.replace("images: none", "images: last").replace(
     "'fake_engines:Other'", "'fake_engines:Phased', 'fake_engines:Broken'"
 )
 STATES = {"done": 5, "failed": 1}
+
+NOWHERE = ReferenceRequest(SceneFile("nowhere", "nowhere.yaml"), "", SETTINGS, 1)
 
 
 @pytest.fixture(scope="module")
@@ -141,7 +146,7 @@ def test_what_a_machine_dies_of_or_fails_at_is_tried_again(machines, tmp_path, m
         return ["film"]
 
     monkeypatch.setattr(dask, what, third_time_lucky)
-    request = {"scene_path": "nowhere.yaml", "settings": {}}
+    request = NOWHERE
     cell = SimpleNamespace(engine="numpy", budget=SimpleNamespace(timeout_seconds=60))
     with dask.Cluster(machines.scheduler_address, False, Path()) as ours:
         if what == "measure_cell":
@@ -189,7 +194,7 @@ def test_a_cluster_that_loses_all_its_machines_is_given_up(tmp_path, monkeypatch
         while ours.machines() and time.monotonic() < deadline:
             time.sleep(0.05)
         with pytest.raises(ConfigError, match="no machine for"):
-            list(ours.replicates("fake_engines:Steady", {"scene_path": "nowhere.yaml", "settings": {}}, [1, 2]))
+            list(ours.replicates("fake_engines:Steady", NOWHERE, [1, 2]))
 
 
 def test_contended_cells_are_measured_again_where_they_were_measured(machines, tmp_path, monkeypatch):

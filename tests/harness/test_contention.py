@@ -147,17 +147,20 @@ import json, os, subprocess, sys
 from pathlib import Path
 
 import fake_engines
+from engines.choices import Choice
 from engines.scene import load_scene
+from harness.config.settings import SceneFile
 from harness.measure.pool import Pool
+from harness.measure.requests import CellRequest
+from harness.measure.schedule import Schedule
+from harness.settings import CellSettings
 
 os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})  # children inherit it: two that work share a processor
 busy = subprocess.Popen([sys.executable, "-c", "while True: pass"])
-settings = {"shader": {"name": "path_tracer"}, "sampler": {"name": "random"}, "accelerator": {"name": "none"},
-            "precision": "float64", "threads": 1, "width": 4, "height": 4}
-schedule = {"ratio": 2.0, "start": 1, "max_spp": 2, "max_time_seconds": 9.0}
-scene = sys.argv[1]
-request = {"scene_path": scene, "scene_hash": load_scene(scene).content_hash, "settings": settings, "seed": 1,
-           "warm_up_seed": 2, "schedule": schedule, "patterns": []}
+settings = CellSettings(Choice("none"), "float64", 1, Choice("path_tracer"), Choice("random"), 4, 4)
+schedule = Schedule(ratio=2.0, start=1, max_spp=2, max_time_seconds=9.0)
+scene = SceneFile("ball", sys.argv[1])
+request = CellRequest(scene, load_scene(scene.path).content_hash, settings, 1, 2, schedule)
 try:
     with Pool(True, Path(sys.argv[2])) as pool:
         print(json.dumps([m.message for m in pool.cell("fake_engines:Burning", request, 120.0)][-1].machine))

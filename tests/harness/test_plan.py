@@ -3,7 +3,7 @@
 import json
 import random
 import sys
-from dataclasses import replace
+from dataclasses import asdict, replace
 from types import MappingProxyType
 
 import pytest
@@ -152,7 +152,7 @@ def test_samplers_with_patterns_have_whole_ones_as_checkpoints(tmp_path):
     assert not steady.patterns and "patterns" not in steady.spec
     assert [(each.spp, each.sampler["strata"]) for each in patterned.patterns] == [(4, 4), (16, 16), (64, 64)]
     assert patterned.spec["patterns"][1] == {"spp": 16, "sampler": {"name": "stratified", "strata": 16}}
-    assert patterned.request(made.experiment.checkpoints)["patterns"] == patterned.spec["patterns"]
+    assert [asdict(each) for each in patterned.request(made.experiment.checkpoints).patterns] == patterned.spec["patterns"]
     assert "strata: 16" in patterned.command(16) and "strata: 64" in patterned.command(64)
     assert state.budgeted_seconds(patterned) == pytest.approx(5.0 * (4 + 16 + 64) / 64 + state.OVERHEAD_SECONDS, rel=1e-3)
     small = {c.engine_name: c.skip for c in planned(tmp_path, PATTERNED, ["budget.max_spp=3"]).cells}
@@ -366,8 +366,8 @@ def test_a_mitsuba_file_is_read_with_parameters_and_outside_of_its_folder_where_
     assert set(cells) == {"s", "s side=2"} and len({cell.scene_hash for cell in cells.values()}) == 2
     assert "-D side=2 --allow-outside" in cells["s side=2"].command(4)
     request = cells["s side=2"].request(experiment.checkpoints)
-    assert (request["scene_parameters"], request["allow_outside"]) == ({"side": "2"}, True)
-    assert {wanted.scene_options["allow_outside"] for wanted in plan.references.values()} == {True}
+    assert (request.scene.parameters, request.scene.allow_outside) == ((("side", "2"),), True)
+    assert {wanted.scene.allow_outside for wanted in plan.references.values()} == {True}
     (outcome, _) = sweeping.run(tmp_path / "small.yaml", tmp_path / "out", allow_outside=True)
     assert outcome.states == {"done": 8}
 

@@ -7,6 +7,7 @@ import pytest
 
 from engines.film import Film
 from harness.config import Quality
+from harness.config.settings import SceneFile
 from harness.metrics import Reference, measure
 from harness.plan.references import PlannedReference
 from harness.run import reference_samples, references
@@ -82,7 +83,7 @@ def said(wanted, root, **quality):
 
 def made(root, draw, done, **changes):
     """A reference with `done` of its replicates on disk."""
-    wanted = PlannedReference("box", "box", "abc", {**SPEC, **changes}, {})
+    wanted = PlannedReference(SceneFile("box", "box"), "abc", {**SPEC, **changes}, {})
     film = Film(32, 32)
     for _ in range(done):
         film.add(draw(wanted.spec["replicate_spp"]))

@@ -13,10 +13,13 @@ from engines.film import Film
 from engines.processes import BadMessage
 from harness import store
 from harness.analysis import analyse, frames
+from harness.config.settings import SceneFile
 from harness.measure import films, messages, pool
+from harness.measure.requests import ReferenceRequest
 from harness.report.tables.verdicts import time_to_quality
 from harness.store.results import load_results
 from tests.harness import sweeping
+from tests.harness.shared_references import SETTINGS
 
 RIGHT = ("Steady", "Unsure", "Talkative")
 
@@ -149,10 +152,9 @@ def test_text_of_a_message_can_always_be_written():
 
 
 def test_a_request_after_one_that_was_left_finds_a_fresh_process(tmp_path):
-    request = {"scene_path": "nowhere", "scene_hash": "", "spp": 1, "settings": {"width": 4, "height": 4}}
+    request = ReferenceRequest(SceneFile("nowhere", "nowhere"), "", SETTINGS, 1, (1,), True)
     with pool.Pool(True, tmp_path / "log") as workers:
         worker = workers.worker("fake_engines:Steady")
-        request |= {"seeds": [1], "allow_imports": True, "scratch": ""}
         worker.ask(messages.Job("harness.measure.jobs:reference", request))
         assert workers.worker("fake_engines:Steady") is not worker and not worker.usable
 

@@ -21,7 +21,7 @@ import re
 from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import monotonic, sleep
 from typing import TYPE_CHECKING, Any
@@ -33,6 +33,7 @@ from harness.config import paths
 from harness.hashing import digest
 from harness.measure import machine, memory
 from harness.measure.pool import Pool, WorkerFailed, WorkerMessage, WorkerTimeout
+from harness.measure.requests import CellRequest, RayRequest, ReferenceRequest, Request
 from harness.plan.cells import Cell
 from harness.plan.state import expected_seconds
 from harness.run.recorder import CellRecord, Recorder
@@ -74,7 +75,13 @@ class CellResult:
 
 
 def measure_cell(
-    engine: str, request: dict[str, Any], timeout: float, allow_imports: bool, most_bytes: int | None, code: Path, share: float
+    engine: str,
+    request: CellRequest | RayRequest,
+    timeout: float,
+    allow_imports: bool,
+    most_bytes: int | None,
+    code: Path,
+    share: float,
 ) -> CellResult:
     """Measures a cell on the machine that runs this.
 
@@ -98,10 +105,10 @@ def measure_cell(
 
 
 def render_replicates(
-    engine: str, request: dict[str, Any], seeds: list[int], allow_imports: bool, most_bytes: int | None, code: Path
+    engine: str, request: ReferenceRequest, seeds: list[int], allow_imports: bool, most_bytes: int | None, code: Path
 ) -> list[tuple[Film, float]] | str:
     """Replicates of a reference, on all cores of the machine that runs this; a sentence where the engine failed."""
-    request = {**request, "settings": {**request["settings"], "threads": len(machine.usable_cores())}}
+    request = request._replace(settings=replace(request.settings, threads=len(machine.usable_cores())))
     with TemporaryFolder() as folder, Pool(allow_imports, Path(folder) / "log", most_bytes, code) as pool:
         try:
             return list(pool.replicates(engine, request, seeds))
@@ -165,7 +172,7 @@ class Cluster:
             raise ConfigError(f"--cluster: the scheduler is gone: {error}; what was measured is kept") from error
         return {address: info for address, info in workers.items() if info["resources"].get(RESOURCE, 0) >= 1}
 
-    def replicates(self, engine: str, request: Mapping[str, Any], seeds: Sequence[int]) -> Iterator[tuple[Film, float]]:
+    def replicates(self, engine: str, request: ReferenceRequest, seeds: Sequence[int]) -> Iterator[tuple[Film, float]]:
         """Films in the order of their seeds, whatever the order in which machines deliver them."""
         size = max(1, min(8, -(-len(seeds) // max(1, len(self.machines())))))
         parts = [list(seeds[first : first + size]) for first in range(0, len(seeds), size)]
@@ -201,7 +208,7 @@ class Cluster:
         for cells in recorder.contended_again(lambda event: event.worker in known):
             Blocks(recorder, self, cells, again=True).run()
 
-    def submit(self, cell: Cell, request: Mapping[str, Any], address: str | None, share: float) -> Future:
+    def submit(self, cell: Cell, request: CellRequest | RayRequest, address: str | None, share: float) -> Future:
         """Gives a cell to a machine, or with that share of it to any."""
         return self.client.submit(
             measure_cell,
@@ -225,10 +232,11 @@ class Cluster:
         return as_completed(futures, loop=self.client.loop, timeout=LOOK_SECONDS)
 
 
-def _there(request: Mapping[str, Any]) -> dict[str, Any]:
+def _there(request: Request) -> Request:
     """A request as another machine understands it: shipped scenes by name. The scene's hash is checked there."""
     names = {str(path.resolve()): name for name, path in paths.shipped("scenes").items()}
-    return {**request, "scene_path": names.get(request["scene_path"], request["scene_path"])}
+    path = request.scene.path
+    return request._replace(scene=replace(request.scene, path=names.get(path, path)))
 
 
 def connected(address: str) -> Client:

@@ -7,12 +7,13 @@ from collections.abc import Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
 
+from engines.choices import Choice
 from engines.errors import ConfigError, RendererFailed, UnknownName
 from engines.registry import is_known, known_names
 from engines.scene import Scene
@@ -21,8 +22,9 @@ from harness.config import paths
 from harness.config.settings import SceneFile
 from harness.console import consoles
 from harness.measure.pool import Pool, WorkerFailed
+from harness.measure.requests import ReferenceRequest
 from harness.processes import allow_here
-from harness.settings import require_commands, require_imports
+from harness.settings import CellSettings, require_commands, require_imports
 from harness.statistics import Equivalence, equivalence
 from harness.statistics.equivalence import DEFAULT_MARGINS, Margins, shared_alpha
 
@@ -64,7 +66,7 @@ def compare(options: EquivalenceOptions) -> int:
     path = paths.find("scenes", options.scene)
     file = SceneFile(options.scene, str(path), tuple(options.parameters.items()), options.allow_outside)
     scene, settings = file.load(options.allow_imports), settings_of(options)
-    request = {"scene_path": file.path, **file.options, "scene_hash": scene.identity, "settings": settings, "spp": options.spp}
+    request = ReferenceRequest(file, scene.identity, settings, options.spp)
     apart = 0 if options.same_seeds else options.replicates
     with tempfile.TemporaryDirectory() as folder, Pool(options.allow_imports, Path(folder) / "worker.log") as pool:
         images = [
@@ -80,21 +82,13 @@ def compare(options: EquivalenceOptions) -> int:
     return int(any(result.verdict == "different" for _, _, result in rows))
 
 
-def settings_of(options: EquivalenceOptions) -> dict[str, Any]:
-    """The settings of every image, as a worker process reads them."""
+def settings_of(options: EquivalenceOptions) -> CellSettings:
+    """The settings of every image."""
     width, height = options.size
-    return {
-        "width": width,
-        "height": height,
-        "shader": {"name": options.shader},
-        "sampler": {"name": "random"},
-        "accelerator": {"name": "auto"},
-        "precision": None,
-        "threads": 1,
-    }
+    return CellSettings(Choice("auto"), None, 1, Choice(options.shader), Choice("random"), width, height)
 
 
-def _images(pool: Pool, engine: str, request: Mapping[str, Any], first: int, replicates: int) -> NDArray[np.float64]:
+def _images(pool: Pool, engine: str, request: ReferenceRequest, first: int, replicates: int) -> NDArray[np.float64]:
     """(replicates, height, width, 3) images with seeds from `first` on, rendered in a worker process.
 
     Raises `RendererFailed` for bad samples, and where the process died.
