@@ -19,6 +19,8 @@ from engines.tonemap import srgb
 
 Image = NDArray[np.float64]
 
+METRICS = ("relmse", "mse", "mae", "mape", "smape", "psnr", "ssim", "flip")
+"""Those that targets may be set on."""
 PERCENTAGE_EPSILON = 0.01
 """The offset of MAPE and SMAPE in radiance units, as in tev."""
 TRIMMED_FRACTION = 0.001
@@ -33,6 +35,7 @@ METRIC_MEANINGS = {
     "mse": "mean((A-R)^2), radiance squared",
     "mse_corrected": "mean((A-R1)(A-R2)), radiance squared; may be negative",
     "mse_se": "standard error of the corrected MSE by the noise of the reference",
+    "mae": "mean(|A-R|), in units of radiance",
     "mape": "mean(|A-R| / (|R| + 0.01))",
     "smape": "mean(|A-R| / ((|A|+|R|)/2 + 0.01))",
     "psnr": "10 log10(1 / MSE) in dB of sRGB-encoded, clipped images",
@@ -41,6 +44,7 @@ METRIC_MEANINGS = {
     **{
         f"{name}_se": f"how far the reference's noise moves {what}, from the scores against its halves; of the targets' metric"
         for name, what in (
+            ("mae", "MAE"),
             ("mape", "MAPE"),
             ("smape", "SMAPE"),
             ("psnr", "the MSE that PSNR stands for"),
@@ -190,9 +194,14 @@ def _errors(image: Image, reference: Reference, epsilon: float) -> dict[str, flo
         "mse": float((difference**2).mean()),
         "mse_corrected": float(((image - reference.half_1) * (image - reference.half_2)).mean()),
         "mse_se": reference_noise(image, reference),
+        "mae": _mae(image, mean),
         "mape": _mape(image, mean),
         "smape": _smape(image, mean),
     }
+
+
+def _mae(image: Image, mean: Image) -> float:
+    return float(abs(image - mean).mean())
 
 
 def _mape(image: Image, mean: Image) -> float:
@@ -250,6 +259,7 @@ def _flip(shown: Image, wanted: Image) -> float:
 _DISPLAY: dict[str, Callable[[Image, Image], float]] = {"psnr": _psnr, "ssim": _ssim, "flip": _flip}
 """Scores of two images that are clipped and sRGB-encoded."""
 _UNCORRECTED: dict[str, Callable[[Image, Image], float]] = {
+    "mae": _mae,
     "mape": _mape,
     "smape": _smape,
     **{key: lambda image, mean, score=score: score(srgb(image), srgb(mean)) for key, score in _DISPLAY.items()},

@@ -18,12 +18,12 @@ from engines.schema.yaml_file import Located
 from harness.config.keys import Section, key, written
 from harness.config.kinds import DURATION, NAME, RECORDED, SEED, SIZE, ListOf, OrNull, integer, number, one_of
 from harness.config.settings import ACCELERATOR, ENGINE, PRECISION, SAMPLER, SHADER
+from harness.metrics import METRICS
 from harness.statistics.equivalence import DEFAULT_MARGINS, Margins
 from harness.suites import suite
 
 AUTOMATIC = "auto"
 """The certifier that `plan.certifiers` takes."""
-METRICS = ("relmse", "mse", "mape", "smape", "psnr", "ssim", "flip")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -25,6 +25,7 @@ from pydantic import (
 
 from engines.choices import Choice
 from harness.check_results import CheckResult
+from harness.metrics import METRICS
 from harness.statistics.bias import BiasEstimate
 from harness.statistics.calibration import BiasFigures, RaceFigures
 from harness.statistics.equivalence import Equivalence
@@ -44,7 +45,7 @@ def _metric(text: str) -> str:
     if text.startswith("relmse_e"):
         if not 0.0 < float(text.removeprefix("relmse_e")) <= 1e6:
             raise ValueError("an epsilon in (0, 1e6] is expected")
-    elif text not in ("mse", "mape", "smape", "psnr", "ssim", "flip"):
+    elif text == "relmse" or text not in METRICS:
         raise ValueError("the name of a metric is expected, such as relmse_e0.01")
     return text
 

@@ -176,6 +176,7 @@ def metrics(error):
         "mse": error * 0.3,
         "mse_corrected": error * 0.29,
         "mse_se": error * 0.006,
+        "mae": error**0.5,
         "mape": error**0.5,
         "smape": error**0.5,
         "psnr": -10 * np.log10(error * 0.2),

@@ -123,7 +123,7 @@ def test_a_perfect_image_has_an_error_of_noise_alone():
     assert outside <= 5
 
 
-@pytest.mark.parametrize("metric", ["mape", "smape", "psnr", "ssim"])
+@pytest.mark.parametrize("metric", ["mae", "mape", "smape", "psnr", "ssim"])
 def test_the_noise_in_uncorrected_metrics_is_seen_by_the_halves(metric):
     """Against the truth, which no experiment has: the figure is 0.8 to 1.3 of the true effect where that is 1 to 30 % of the
     error; where noise is all that is left it stays far above a tenth of the score."""
@@ -167,7 +167,7 @@ def test_a_nonfinite_pixel_is_counted_and_makes_the_error_infinite(value):
     image[3, 4, 1] = image[0, 0, 0] = image[0, 0, 2] = value
     scores = measure(image, exact_reference(), 0.01)
     assert scores["nonfinite"] == 2
-    assert all(scores[key] == math.inf for key in ("relmse_e0.01", "relmse_e0.01_trimmed", "mse", "mape", "smape"))
+    assert all(scores[key] == math.inf for key in ("relmse_e0.01", "relmse_e0.01_trimmed", "mse", "mae", "mape", "smape"))
     assert math.isnan(scores["ssim"]) and math.isnan(scores["psnr"])
 
 
@@ -175,6 +175,7 @@ def test_black_reference_pixels_count():
     black = np.zeros((16, 16, 3))
     scores = measure(black + 0.1, exact_reference(black), 0.01)
     assert scores["relmse_e0.01"] == pytest.approx(1) and scores["mape"] == pytest.approx(10)
+    assert scores["mae"] == pytest.approx(0.1)
 
 
 def test_psnr_of_a_known_difference():
