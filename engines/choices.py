@@ -231,7 +231,7 @@ def resolve(kind: str, given: Any, table: Mapping[str, Mapping[str, Option]]) ->
     for key, value in options.items():
         if key not in known:
             raise UnknownName(f"option of {kind} {name!r}", key, known)
-        wanted = known[key].check(value)
-        if wanted:
-            raise ConfigError(f"{kind} {name}.{key} = {value!r}: must be {wanted}")
+        expected = known[key].check(value)
+        if expected:
+            raise ConfigError(f"{kind} {name}.{key} = {value!r}: must be {expected}")
     return Choice(name, {**{key: option.default for key, option in known.items()}, **options})

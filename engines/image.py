@@ -282,8 +282,8 @@ def opened_bitmap(file: Path, formats: tuple[str, ...] = PILLOW_FORMATS) -> Iter
         if isinstance(problem.__cause__, Pillow.DecompressionBombError):
             raise SceneError(f"{file}: has more pixels than the {MAX_PIXELS} that are read of any file") from problem
         if isinstance(problem.__cause__, UnidentifiedImageError):
-            wanted = ", ".join(formats)
-            raise SceneError(f"{file}: is not a usable image: the content of one of {wanted} is expected") from problem
+            expected = ", ".join(formats)
+            raise SceneError(f"{file}: is not a usable image: the content of one of {expected} is expected") from problem
         raise
 
 

@@ -30,8 +30,8 @@ def the_engine_says_what_it_is(subject: Subject) -> None:
         for key, option in options.items():
             where = f"accelerator {accelerator}, option {key}"
             expect(isinstance(option, Option), f"{where}: a {type(option).__name__}, not an engines.choices.Option")
-            wanted = option.check(option.default)
-            expect(wanted is None, f"{where}: the default {option.default!r} must be {wanted}")
+            expected = option.check(option.default)
+            expect(expected is None, f"{where}: the default {option.default!r} must be {expected}")
 
 
 def _unknown(subject: Subject) -> Iterator[tuple[dict[str, Any], str]]:
@@ -74,9 +74,9 @@ def _expect_raised(engine: Engine, held: Scene, settings: Settings, wrong: Any, 
         except kind as error:
             expect(meant in str(error), f"{wrong}: the message of {name} does not name {meant!r}: {error}")
         except Exception as error:
-            raise Broken(f"{wrong}: {name} raised {type(error).__name__}, wanted is {kind.__name__}: {error}") from error
+            raise Broken(f"{wrong}: {name} raised {type(error).__name__}, expected {kind.__name__}: {error}") from error
         else:
-            raise Broken(f"{wrong}: {name} answers {answer!r}, wanted is {kind.__name__}")
+            raise Broken(f"{wrong}: {name} answers {answer!r}, expected {kind.__name__}")
 
 
 def _demands(subject: Subject) -> Iterator[tuple[str, Scene, dict[str, Any]]]:
@@ -121,7 +121,7 @@ def why_not_and_prepare_agree(subject: Subject) -> None:
         except Unsupported as refusal:
             expect(reason is not None, f"{what}: why_not answers None, prepare raises Unsupported: {refusal}")
             expect(str(refusal) == reason, f"{what}: why_not answers {reason!r}, prepare raises {str(refusal)!r}")
-            expect(reason and "\n" not in reason, f"{what}: why_not answers {reason!r}, wanted is a sentence")
+            expect(reason and "\n" not in reason, f"{what}: why_not answers {reason!r}, expected a sentence")
             continue
         expect(reason is None, f"{what}: why_not answers {reason!r}, yet prepare works")
         if not subject.quick:

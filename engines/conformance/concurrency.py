@@ -123,7 +123,7 @@ def a_render_is_not_disturbed(subject: Subject) -> None:
         for name, call in calls.items():
             answer = _within_time(call, name)
             refused = isinstance(answer, (RuntimeError, Unsupported))
-            expect(refused, f"{name} while a render ran: {answer!r}, wanted is RuntimeError")
+            expect(refused, f"{name} while a render ran: {answer!r}, expected RuntimeError")
     inside: dict[str, Any] = {}
 
     def look(film: Any) -> None:
@@ -134,7 +134,7 @@ def a_render_is_not_disturbed(subject: Subject) -> None:
                 continue
 
     renderer.render(1, on_pass=look)
-    expect(not inside, f"{', '.join(inside)} from on_pass went ahead, wanted is RuntimeError")
+    expect(not inside, f"{', '.join(inside)} from on_pass went ahead, expected RuntimeError")
     before = renderer.film.spp
     expect(renderer.render(1).spp == before + 1, "the renderer does not render after it has refused calls")
 
@@ -143,7 +143,7 @@ def update_takes_the_size_of_the_camera(subject: Subject) -> None:
     """After update(camera) the film has the settings' size, or else the new camera's, and its image."""
     held, accepted = subject.easiest
     camera = scene([], eye=[0.5, 1.5, 4.5], resolution=[10, 6]).camera
-    for size, wanted in (({"width": None, "height": None}, (10, 6)), ({"width": 7, "height": 5}, (7, 5))):
+    for size, expected in (({"width": None, "height": None}, (10, 6)), ({"width": 7, "height": 5}, (7, 5))):
         renderer = subject.usual(**size)
         renderer.render(1)
         try:
@@ -152,7 +152,7 @@ def update_takes_the_size_of_the_camera(subject: Subject) -> None:
             raise Declined(str(reason)) from reason
         film = renderer.render(2)
         found = film.width, film.height
-        expect(found == wanted, f"after update(camera) the film is {found[0]}x{found[1]}, wanted is {wanted}")
+        expect(found == expected, f"after update(camera) the film is {found[0]}x{found[1]}, expected {expected}")
         moved = replace(held, camera=camera, content_hash=held.content_hash + " from a small window")
         prepared = subject.renderer(moved, **{**accepted, **size}).render(2)
         expect_same(sums(prepared), sums(film), "prepared with the camera, and updated")

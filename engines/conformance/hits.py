@@ -44,8 +44,8 @@ def _compare(renderer: Renderer, rays: list[Ray], label: str) -> None:
         hit = np.isfinite(ray.t)
         expect(np.isclose(hits.t[i], ray.t, rtol=RELATIVE, atol=0), f"{where}: t = {hits.t[i]!r}, by hand it is {ray.t!r}")
         found = int(hits.shape[i]), int(hits.primitive[i])
-        wanted = (ray.shape, ray.primitive) if hit else (-1, -1)
-        expect(found == wanted, f"{where}: shape, primitive = {found}, by hand they are {wanted}")
+        expected = (ray.shape, ray.primitive) if hit else (-1, -1)
+        expect(found == expected, f"{where}: shape, primitive = {found}, by hand they are {expected}")
         expect(
             np.allclose(hits.normal[i], ray.normal, atol=10 * RELATIVE),
             f"{where}: normal {hits.normal[i]}, by hand it is {ray.normal}",
@@ -74,11 +74,11 @@ def hits_have_their_shapes(subject: Subject) -> None:
             ("normal", np.float64, (count, 3)),
         ):
             array = np.asarray(getattr(hits, name))
-            expect(array.shape == shape, f"{count} rays: {name} has shape {array.shape}, wanted is {shape}")
-            expect(array.dtype == kind, f"{count} rays: {name} is {array.dtype}, wanted is {kind.__name__}")
+            expect(array.shape == shape, f"{count} rays: {name} has shape {array.shape}, expected {shape}")
+            expect(array.dtype == kind, f"{count} rays: {name} is {array.dtype}, expected {kind.__name__}")
         blocked = np.asarray(renderer.occluded(origins, directions))
         expect(blocked.shape == (count,), f"{count} rays: occluded has shape {blocked.shape}")
-        expect(blocked.dtype == np.bool_, f"{count} rays: occluded is {blocked.dtype}, wanted is bool")
+        expect(blocked.dtype == np.bool_, f"{count} rays: occluded is {blocked.dtype}, expected bool")
     expect(renderer.occluded([[0, 1, 5]], [[0, 0, -1]], 3.0).tolist() == [False], "lists and a scalar t_max are misread")
 
 
@@ -244,8 +244,8 @@ def trace_and_occluded_agree(subject: Subject) -> None:
         hit = np.isfinite(hits.t)
         expect(0 < hit.sum() < len(hit), f"{label}: {hit.sum()} of {len(hit)} rays into the room hit")
         reach = np.where(hit, hits.t, 1.0)
-        for t_max, wanted in ((np.inf, hit), (reach * 1.001, hit), (reach * 0.999, np.zeros_like(hit))):
-            wrong = int((np.asarray(renderer.occluded(origins, directions, t_max)) != wanted).sum())
+        for t_max, expected in ((np.inf, hit), (reach * 1.001, hit), (reach * 0.999, np.zeros_like(hit))):
+            wrong = int((np.asarray(renderer.occluded(origins, directions, t_max)) != expected).sum())
             expect(wrong == 0, f"{label}: trace and occluded contradict each other on {wrong} of {len(hit)} rays")
 
 

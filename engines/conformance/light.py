@@ -46,7 +46,7 @@ def the_furnace_is_uniform(subject: Subject) -> None:
     error = math.sqrt(float(film.variance_of_mean().mean()) / count)
     off = float(image.mean()) - truth
     expect(error < 0.01, f"the noise of the mean is {error:.4f}: too much to say anything")
-    expect(abs(off) < STANDARD_ERRORS * error + 1e-5, f"the mean is {truth + off:.5f} +- {error:.5f}, wanted is {truth}")
+    expect(abs(off) < STANDARD_ERRORS * error + 1e-5, f"the mean is {truth + off:.5f} +- {error:.5f}, expected {truth}")
 
 
 def _lit_floor(*shapes: dict[str, Any]) -> Scene:
@@ -64,7 +64,7 @@ def a_point_light_falls_off_with_the_square(subject: Subject) -> None:
     truth = 0.5 / math.pi * 10 / 2**2
     for renderer in _first(subject, _lit_floor(), DIRECT, width=2, height=2):
         image = renderer.render(2).mean()
-        expect(np.allclose(image, truth, rtol=1e-4), f"radiance {image.min():.6g} to {image.max():.6g}, wanted is {truth:.6g}")
+        expect(np.allclose(image, truth, rtol=1e-4), f"radiance {image.min():.6g} to {image.max():.6g}, expected {truth:.6g}")
 
 
 def what_is_in_shadow_is_black(subject: Subject) -> None:

@@ -52,7 +52,7 @@ def film_has_the_size_asked_for(subject: Subject) -> None:
     for changes, size in (({"width": 5, "height": 3}, (5, 3)), ({"width": None, "height": None}, (width, height))):
         film = subject.usual(**changes).film
         expect(isinstance(film, Film), f"renderer.film is a {type(film).__name__}, not an engines.Film")
-        expect((film.width, film.height) == size, f"film of {film.width}x{film.height}, wanted is {size[0]}x{size[1]}")
+        expect((film.width, film.height) == size, f"film of {film.width}x{film.height}, expected {size[0]}x{size[1]}")
         expect(film.mean().shape == (size[1], size[0], 3), f"film.mean() has shape {film.mean().shape}")
         expect(_untouched(film), "the film is not empty before the first render")
 

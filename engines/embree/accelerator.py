@@ -70,7 +70,7 @@ class Accelerator:
         self._quality, self._robust, self._exact = options["quality"], options["robust"], options["watertight"]
         self._refine = refine and not self._exact
         self.build_seconds = 0.0
-        self._bytes = 0
+        self.bytes = 0
 
     def build(self, flat: FlatScene, threads: int) -> None:
         start = time.perf_counter()
@@ -96,12 +96,8 @@ class Accelerator:
             parts = _user_geometries(device, flat)
             parts[TRIANGLES] = _user_geometry(device, flat, TRIANGLES, len(faces))
             flat.bind(EmbreeTable.exact_tree, device.scene(parts, flat.address, "low", True))
-        self._bytes = device.bytes
+        self.bytes = device.bytes
         self.build_seconds = time.perf_counter() - start
-
-    @property
-    def bytes(self) -> int:
-        return self._bytes
 
     def stages(self, features: SceneFeatures, real: Any) -> tuple[Any, Any]:
         return stages(Variant(*_shapes(features), self._refine, self._exact, packet_width()), real)

@@ -45,12 +45,12 @@ class Engine:
 
     def prepare(self, scene: Scene, settings: Settings) -> Renderer:
         chosen = self._supported(scene, settings)
-        wanted: Any = chosen.accelerator
-        name = wanted.name
+        accelerator: Any = chosen.accelerator
+        name = accelerator.name
         if name == "auto":
             name, _ = choose(scene, chosen.precision or "float64")
-        make = wanted.plugin.make if wanted.plugin is not None else MADE[name]
-        return Renderer(scene, chosen, make(wanted.options))
+        make = accelerator.plugin.make if accelerator.plugin is not None else MADE[name]
+        return Renderer(scene, chosen, make(accelerator.options))
 
     def _supported(self, scene: Scene, settings: Settings) -> Settings:
         return supported(scene, settings, ACCELERATORS, "float64", self.name)

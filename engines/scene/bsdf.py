@@ -6,43 +6,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from engines.scene.models import (
-    LEAVES,
-    ROUGHNESS,
-    Conductor,
-    CustomBSDF,
-    Dielectric,
-    Diffuse,
-    Leaf,
-    Mixture,
-    Null,
-    Plastic,
-    Principled,
-    ThinDielectric,
-)
+from engines.scene.models import LEAVES, ROUGHNESS, Leaf
 from engines.scene.textures import NAMED, ImageTexture, Number, Texture, named_texture
 from engines.schema.keys import Given, Key, Record
-from engines.schema.kinds import NUMBER
+from engines.schema.kinds import NUMBER, ContextKind
 from engines.schema.yaml_file import Located
 
-__all__ = [
-    "Blend",
-    "Bsdf",
-    "Bump",
-    "Conductor",
-    "CustomBSDF",
-    "Dielectric",
-    "Diffuse",
-    "Mask",
-    "Mixture",
-    "NormalMap",
-    "Null",
-    "Plastic",
-    "Principled",
-    "Sides",
-    "ThinDielectric",
-    "Wrapper",
-]
+__all__ = ["Blend", "Bsdf", "Bump", "Mask", "NormalMap", "Sides", "Wrapper"]
 
 MAX_PARTS = 256
 """Wrappers and models of a material, one that is named twice counted twice."""
@@ -50,18 +20,11 @@ MAX_DEPTH = 32
 """Wrappers around each other."""
 
 
-class InnerKind:
-    """The BSDF of a material that is named or written here."""
-
-    def read(self, node: Located, context: Any = None) -> Bsdf:
-        return context.table.bsdf(node, context)
-
-    def schema(self) -> dict[str, Any]:
-        named = {"type": "string", "title": "name of a material"}
-        return {"anyOf": [named, {"$ref": "#/properties/materials/additionalProperties", "title": "a material"}]}
-
-
-_OF = Key(InnerKind(), "The material that is wrapped: its name, or its keys. It does not emit.")
+_A_NAME = {"type": "string", "title": "name of a material"}
+_A_MATERIAL = {"$ref": "#/properties/materials/additionalProperties", "title": "a material"}
+INNER_MATERIAL = ContextKind(lambda node, context: context.table.bsdf(node, context), {"anyOf": [_A_NAME, _A_MATERIAL]})
+"""The BSDF of a material that is named or written there."""
+_OF = Key(INNER_MATERIAL, "The material that is wrapped: its name, or its keys. It does not emit.")
 
 
 def _wrapper(make: Callable[..., Wrapper]) -> Callable[[Given, Any], Wrapper]:
@@ -130,23 +93,17 @@ class Bump:
     of: Bsdf
 
 
-class HeightKind:
-    """The name of an image texture."""
-
-    def read(self, node: Located, context: Any = None) -> ImageTexture:
-        texture = named_texture(node, context)
-        if not isinstance(texture, ImageTexture):
-            raise node.refuse("must be an image: a checkerboard has no slope")
-        return texture
-
-    def schema(self) -> dict[str, Any]:
-        return NAMED
+def _height(node: Located, context: Any) -> ImageTexture:
+    texture = named_texture(node, context)
+    if not isinstance(texture, ImageTexture):
+        raise node.refuse("must be an image: a checkerboard has no slope")
+    return texture
 
 
 _BUMP = Record(
     "A material whose normal is that of a displaced surface.",
     {
-        "height": Key(HeightKind(), "Height of the surface, an image."),
+        "height": Key(ContextKind(_height, NAMED), "Height of the surface, an image."),
         "scale": Key(NUMBER, "Factor of the height.", 1, unit="metres"),
         "of": _OF,
     },
@@ -162,23 +119,20 @@ class NormalMap:
     of: Bsdf
 
 
-class MapKind:
-    """The name of a texture of which the texels are normals."""
-
-    def read(self, node: Located, context: Any = None) -> Texture:
-        texture = named_texture(node, context)
-        if node.value in context.images.srgb:
-            raise node.refuse("its texels are sRGB-encoded, and those of a normal map are not: give it color_space: raw")
-        return texture
-
-    def schema(self) -> dict[str, Any]:
-        return NAMED
+def _map(node: Located, context: Any) -> Texture:
+    texture = named_texture(node, context)
+    if node.value in context.images.srgb:
+        raise node.refuse("its texels are sRGB-encoded, and those of a normal map are not: give it color_space: raw")
+    return texture
 
 
 _NORMAL_MAP = Record(
     "A material whose normal an image gives.",
     {
-        "map": Key(MapKind(), "Texture, of color_space raw, with texels c of the normals 2 c - 1, z along the surface's."),
+        "map": Key(
+            ContextKind(_map, NAMED),
+            "Texture, of color_space raw, with texels c of the normals 2 c - 1, z along the surface's.",
+        ),
         "of": _OF,
     },
     _wrapper(NormalMap),
@@ -193,7 +147,7 @@ class Sides:
     back: Bsdf | None
 
 
-_SIDED = Key(InnerKind(), "A material, as in of, or nothing for a black side.", None)
+_SIDED = Key(INNER_MATERIAL, "A material, as in of, or nothing for a black side.", None)
 _BY_SIDE = Record("One material on each side.", {"front": _SIDED, "back": _SIDED}, _wrapper(Sides))
 
 

@@ -9,8 +9,8 @@ from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 from typing import Any
 
-from engines.scene.bsdf import INNER, Bsdf, Bump, CustomBSDF, Mask, NormalMap, Wrapper, children
-from engines.scene.models import Conductor, Dielectric, Diffuse, Mixture, Null, Plastic, Principled, ThinDielectric
+from engines.scene.bsdf import INNER, Bsdf, Bump, Mask, NormalMap, Wrapper, children
+from engines.scene.models import Conductor, CustomBSDF, Dielectric, Diffuse, Mixture, Null, Plastic, Principled, ThinDielectric
 from engines.scene.textures import Color, Number, Texture, largest
 from engines.scene.triple import BLACK, WHITE
 
@@ -25,7 +25,7 @@ def members(bsdf: Bsdf | None) -> Iterator[Bsdf]:
 
 def leaves(bsdf: Bsdf | None) -> list[Bsdf | None]:
     """Where wrappers lead, each BSDF once: a BSDF that is no wrapper leads to itself, a side without one to None."""
-    found: dict[int, Bsdf | None] = {}
+    ends: dict[int, Bsdf | None] = {}
     waiting, seen = [bsdf], set[int]()
     while waiting:
         part = waiting.pop()
@@ -34,8 +34,8 @@ def leaves(bsdf: Bsdf | None) -> list[Bsdf | None]:
             if isinstance(part, Wrapper):
                 waiting += reversed(children(part))
             else:
-                found[id(part)] = part
-    return list(found.values())
+                ends[id(part)] = part
+    return list(ends.values())
 
 
 # ---- what passes a surface -------------------------------------------------------------------------------------------

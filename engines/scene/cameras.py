@@ -7,11 +7,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from engines.scene.plugins import all_options, load_plugin, read_options
 from engines.scene.triple import Triple
 from engines.schema import fields
 from engines.schema.keys import Given, Key, Record, Tagged
-from engines.schema.kinds import ANGLE, BOOLEAN, POINT, POSITIVE, Kind, integer, one_of, within
+from engines.schema.kinds import ANGLE, BOOLEAN, POINT, POSITIVE, Kind, array_of, integer, one_of, within
 from engines.schema.yaml_file import Located
 
 __all__ = ["Camera", "CustomCamera", "Orthographic", "Perspective", "PerspectiveArctan", "ThinLens"]
@@ -127,9 +129,8 @@ Camera = Perspective | ThinLens | PerspectiveArctan | Orthographic | CustomCamer
 
 
 def _resolution(node: Located) -> tuple[int, int]:
-    if not isinstance(node.value, list) or len(node.value) != 2:
-        raise node.refuse("must be [width, height] in pixels")
-    width, height = (fields.integer(item, 1, LARGEST_SIDE) for item in node.value)
+    sides = fields.several(node, 2, "must be [width, height] in pixels")
+    width, height = (fields.integer(side, 1, LARGEST_SIDE) for side in sides)
     fields.refuse_above_memory(node, float(width) * height * BYTES_PER_PIXEL, f"an image of {width} x {height} pixels")
     return width, height
 
@@ -137,12 +138,8 @@ def _resolution(node: Located) -> tuple[int, int]:
 def _check_frame(given: Given) -> None:
     view = fields.towards(given.at("target"), given["eye"], "eye")
     up = fields.direction(given.at("up")) if given.has("up") else given["up"]
-    if math.hypot(*_cross(view, up)) < PARALLEL:
+    if np.linalg.norm(np.cross(view, up)) < PARALLEL:
         raise given.at("up" if given.has("up") else "target").refuse("up must not be parallel to the direction of view")
-
-
-def _cross(a: Triple, b: Triple) -> Triple:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 def _camera(kind: Callable[..., Camera], meaning: str, **keys: Key) -> Record:
@@ -156,9 +153,8 @@ def _camera(kind: Callable[..., Camera], meaning: str, **keys: Key) -> Record:
     return Record(meaning, {**_FRAME, **keys}, make)
 
 
-_SIDE = integer(1, LARGEST_SIDE)
 _RESOLUTION = Key(
-    Kind(_resolution, {"type": "array", "items": _SIDE.json, "minItems": 2, "maxItems": 2}),
+    Kind(_resolution, array_of(integer(1, LARGEST_SIDE).json, 2)),
     "Width and height of the image.",
     DEFAULT_RESOLUTION,
     unit="pixels",
@@ -173,31 +169,27 @@ _FRAME = {
 
 def _clip(node: Located) -> tuple[float, float]:
     """[near, far] with 0 <= near < far; far may be infinite."""
-    if not isinstance(node.value, list) or len(node.value) != 2:
-        raise node.refuse("must be [near, far]")
-    near, far = node.value
-    found = fields.number(near), math.inf if far.value == math.inf else fields.number(far)
-    if not 0.0 <= found[0] < found[1]:
+    first, second = fields.several(node, 2, "must be [near, far]")
+    near, far = fields.number(first), math.inf if second.value == math.inf else fields.number(second)
+    if not 0.0 <= near < far:
         raise node.refuse("must be two distances with 0 <= near < far")
-    return found
+    return near, far
 
 
 def _shift(node: Located) -> tuple[float, float]:
-    if not isinstance(node.value, list) or len(node.value) != 2:
-        raise node.refuse("must be two numbers")
-    x, y = (fields.within(item, -MOST_SHIFT, MOST_SHIFT) for item in node.value)
+    x, y = (fields.within(item, -MOST_SHIFT, MOST_SHIFT) for item in fields.several(node, 2, "must be two numbers"))
     return x, y
 
 
 _FILM = {
     "principal_point": Key(
-        Kind(_shift, {"type": "array", "items": within(-MOST_SHIFT, MOST_SHIFT).json, "minItems": 2, "maxItems": 2}),
+        Kind(_shift, array_of(within(-MOST_SHIFT, MOST_SHIFT).json, 2)),
         "Where the axis of view meets the image, from its middle, in shares of its width (to the right) and height (down).",
         [0, 0],
     ),
     "mirror": Key(BOOLEAN, "Whether left and right are exchanged.", False),
     "clip": Key(
-        Kind(_clip, {"type": "array", "items": {"type": "number", "minimum": 0}, "minItems": 2, "maxItems": 2}),
+        Kind(_clip, array_of({"type": "number", "minimum": 0}, 2)),
         "Distances along the axis of view between which things are seen, by default all; the second may be .inf.",
         None,
         unit="metres",

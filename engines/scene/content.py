@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene.bsdf import Conductor, CustomBSDF
 from engines.scene.cameras import Camera, CustomCamera, Orthographic, Perspective
 from engines.scene.lights import CustomLight, EnvironmentLight, Light
 from engines.scene.materials import Material
 from engines.scene.mesh import Mesh
+from engines.scene.models import Conductor, CustomBSDF
 from engines.scene.shapes import Shape
 from engines.scene.textures import ImageTexture
 from engines.source_files import OWN, code_files, digest
@@ -66,8 +66,8 @@ def _plugin(plugin: Any) -> list[Any]:
     kind = plugin if hasattr(plugin, "__qualname__") else type(plugin)
     halves = (kind, getattr(plugin, "jitted", None), getattr(plugin, "numpy", None))
     files = {file for half in halves for file in _files(half)}
-    found = [f"{kind.__module__}:{kind.__qualname__}", str(getattr(plugin, "name", ""))]
-    return [*found, digest(code for code in code_files(files) if not code[1].is_relative_to(OWN))]
+    values = [f"{kind.__module__}:{kind.__qualname__}", str(getattr(plugin, "name", ""))]
+    return [*values, digest(code for code in code_files(files) if not code[1].is_relative_to(OWN))]
 
 
 def _files(half: Any) -> Iterator[Path]:
@@ -100,20 +100,20 @@ def _part(part: Any) -> list[Any]:
 
 
 def _pixels(pixels: NDArray[np.float32]) -> str:
-    found = hashlib.sha256()
-    _feed(found, pixels)
-    return found.hexdigest()
+    hashed = hashlib.sha256()
+    _feed(hashed, pixels)
+    return hashed.hexdigest()
 
 
 def _fields(thing: Any, without: set[str]) -> list[Any]:
-    later, found = LATER.get(type(thing), set()), [type(thing).__name__]
+    later, values = LATER.get(type(thing), set()), [type(thing).__name__]
     for item in dataclasses.fields(thing):
         value = getattr(thing, item.name)
         if item.name in later:
-            found += [] if value == item.default else [(item.name, value)]
+            values += [] if value == item.default else [(item.name, value)]
         elif item.name not in without:
-            found.append(_value(value))
-    return found
+            values.append(_value(value))
+    return values
 
 
 def _value(value: Any) -> Any:

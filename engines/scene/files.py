@@ -40,9 +40,9 @@ def find_scene(path: str | PathLike[str]) -> Path:
         return direct
     for folder in scene_folders():
         for suffix in SUFFIXES:
-            found = folder / (name + suffix)
-            if isfile(found):
-                return found
+            file = folder / (name + suffix)
+            if isfile(file):
+                return file
     raise SceneError(f"scene {name!r}: unknown scene: {suggestion(name, scene_names())}, or the path of a file")
 
 
@@ -71,14 +71,14 @@ class Place:
         outside = False
         for start in starts:
             try:
-                found = (start / name).resolve()
-                if not (self.allow_outside or any(found.is_relative_to(root) for root in self._roots)):
+                file = (start / name).resolve()
+                if not (self.allow_outside or any(file.is_relative_to(root) for root in self._roots)):
                     outside = True
-                elif found.exists():
-                    return found
+                elif file.exists():
+                    return file
             except (OSError, ValueError, RuntimeError) as problem:
                 raise node.refuse(f"{what}not a usable path: {getattr(problem, 'strerror', None) or problem}") from problem
         if outside:
-            wanted = "move it there, or run with --allow-outside"
-            raise node.refuse(f"{what}lies outside the scene's folder {self.folder}: {wanted}")
+            remedy = "move it there, or run with --allow-outside"
+            raise node.refuse(f"{what}lies outside the scene's folder {self.folder}: {remedy}")
         raise node.refuse(f"{what}no such file: looked in {', '.join(dict.fromkeys(map(str, starts)))}")

@@ -53,6 +53,6 @@ def look_at(eye: Any, target: Any, up: Any) -> Array:
 
 def _matrix(*columns: Any) -> Array:
     """(4, 4) the affine transform of three images of axes and the origin's."""
-    found = np.eye(4)
-    found[:3] = np.stack(columns, axis=1)
-    return found
+    matrix = np.eye(4)
+    matrix[:3] = np.stack(columns, axis=1)
+    return matrix

@@ -1,11 +1,11 @@
-"""Geometry of triangles: normals, which have an area, fans of polygons, and vertex normals of a smooth mesh.
+"""Geometry of triangles: normals, which have an area, fans of polygons, and vertex normals of a smooth mesh; read-only arrays.
 
 A vertex normal of zeros says that there is none: `with_face_normals` gives each face its own there.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,8 @@ UP = np.array([0.0, 1.0, 0.0])
 """The normal of what no ray can hit."""
 CANCELLED = 1e-6
 """A sum of normals shorter than this share of their lengths has no direction but that of rounding."""
+
+A = TypeVar("A", bound=NDArray[Any])
 
 
 def face_normals(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.float64]:
@@ -48,6 +50,22 @@ def vertex_normals(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> N
     return summed_normals(faces, np.repeat(areas[:, None], 3, axis=1), len(vertices))
 
 
+def angle_weighted_normals(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.float64]:
+    """(n, 3) unit: adjacent faces' normals weighted with their angles at the vertex (Thürmer and Wüthrich 1998); zeros where
+    they cancel."""
+    corners = vertices[faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0.0)
+    shares = np.empty((len(faces), 3, 3))
+    for corner in range(3):
+        a = corners[:, (corner + 1) % 3] - corners[:, corner]
+        b = corners[:, (corner + 2) % 3] - corners[:, corner]
+        angle = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.einsum("ij,ij->i", a, b))
+        shares[:, corner] = normals * angle[:, None]
+    return summed_normals(faces, shares, len(vertices))
+
+
 def summed_normals(faces: NDArray[np.int32], shares: NDArray[np.float64], count: int) -> NDArray[np.float64]:
     """(count, 3) unit sums, at each vertex, of the `shares` (m, 3, 3) of faces at their corners; zeros where they cancel."""
     sums, lengths = np.zeros((count, 3)), np.zeros(count)
@@ -69,6 +87,12 @@ def unit_rows(rows: NDArray[np.float64]) -> NDArray[np.float64]:
 def lacks_normal(normals: NDArray[np.float64]) -> NDArray[np.bool_]:
     """(n,) which rows are zeros."""
     return ~np.asarray(normals.any(axis=1))
+
+
+def read_only(array: A) -> A:
+    """The array, to which nobody may write any more."""
+    array.flags.writeable = False
+    return array
 
 
 class Smooth(NamedTuple):

@@ -1,7 +1,7 @@
-"""The fields of each model, as scene files and as Mitsuba call them: one table for all that write or read either.
+"""`LEAF_PLUGINS`: the names that the fields of each BSDF model have in scene files and in Mitsuba.
 
-`engines.scene.write` goes by keys, Mitsuba's adapter and the reader of its files by parameters, in both directions. `Mixture`
-is no model of Mitsuba's: its lobes are, each by itself.
+`engines.scene.write` writes the keys of scene files by it, `engines.peers.mitsuba` writes Mitsuba's parameters, and
+`engines.scene.mitsuba_xml` reads them. `Mixture` is not in it: Mitsuba has its lobes as several BSDFs.
 """
 
 from __future__ import annotations
@@ -20,51 +20,56 @@ _GREY = (0.5, 0.5, 0.5)
 
 
 class Kind(Enum):
-    """How the value of a field is written in Mitsuba's terms, and read."""
+    """What a field holds, and how Mitsuba's parameters say it."""
 
     COLOR = auto()
-    """A colour, or a texture of colours."""
+    """A reflectance in [0, 1] for each channel, or a texture."""
     NUMBER = auto()
-    """A number in [0, 1], or a texture of numbers."""
+    """A number in [0, 1], or a texture."""
     FLAG = auto()
+    """True or false."""
     SPECTRUM = auto()
-    """A colour of any size, never a texture: `eta` or `k` of a metal, which a file may name instead."""
+    """Three numbers of at least 0: `eta` or `k` of a metal. A file may give the metal's name (`material`) instead."""
     IOR = auto()
-    """An index of the inside over that of the outside: two parameters, `int_ior` and `ext_ior`."""
+    """The index of refraction of the inside over that of the outside. Mitsuba has both: `int_ior` and `ext_ior`."""
     ETA = auto()
-    """An index, in place of which a file may have Disney's `specular`."""
+    """An index of refraction. A file may give Disney's `specular` instead."""
     ROUGHNESS = auto()
-    """A number, never a texture."""
+    """A number: 0 for a smooth surface, or alpha of the microfacets."""
     ROUGHNESSES = auto()
-    """Two numbers or textures, along the tangents: the parameters `alpha_u` and `alpha_v`, or `alpha` for both."""
+    """Two numbers or textures, alpha along each tangent. Mitsuba has `alpha_u` and `alpha_v`, or `alpha` for both."""
     DISTRIBUTION = auto()
+    """Of the microfacets: "ggx" or "beckmann"."""
 
 
 @dataclass(frozen=True, slots=True)
 class LeafField:
-    """One field: its `name`, its `key` in a scene file, and the `parameter` of Mitsuba's plugin, with its `older` names.
-
-    `default` is what Mitsuba takes where a file is silent, None where that depends on more. `of_rough` says that only the
-    plugin with microfacets has it. `harmless` are parameters that change how it is sampled, and not what is seen. `limits`
-    are those of an index.
-    """
+    """One field of a model: its name in Python, in scene files and in Mitsuba, and how its value is read."""
 
     name: str
+    """Of the field of the dataclass in `engines.scene.models`."""
     kind: Kind
     parameter: str
+    """Its name in Mitsuba. `IOR` and `ROUGHNESSES` have other parameters besides."""
     default: Any = None
+    """The value that Mitsuba takes if a file does not give the parameter. None if that depends on other parameters."""
     key: str = ""
+    """Its name in scene files; empty if that is `name`."""
     older: tuple[str, ...] = ()
+    """Names of the parameter in files of Mitsuba 0.x."""
     of_rough: bool = False
+    """Whether only the plugin with microfacets has the parameter."""
     harmless: tuple[str, ...] = ()
+    """Parameters beside it that the importer accepts and ignores: they change how Mitsuba samples, but not the image."""
     limits: tuple[float, float] = IORS
+    """The lowest and the highest value of an `IOR`."""
 
 
 @dataclass(frozen=True, slots=True)
 class LeafPlugin:
-    """A model: its `key` in a scene file, Mitsuba's `plugin`, and `rough` where another one has microfacets.
+    """One model: its `key` in scene files and its `plugin` in Mitsuba, or the plugins for smooth and for `rough` surfaces.
 
-    `fields` stand in the order in which Mitsuba's parameters are written.
+    `fields` are in the order in which Mitsuba's parameters are written.
     """
 
     key: str
@@ -78,20 +83,20 @@ class LeafPlugin:
         return (self.plugin,) if self.rough is None else (self.plugin, self.rough)
 
     def key_of(self, name: str) -> str:
-        """The key of a field in a scene file."""
+        """The key that a field has in scene files. Raises StopIteration for fields that the model does not have."""
         return next(item.key or name for item in self.fields if item.name == name)
 
     def fields_of(self, plugin: str) -> tuple[LeafField, ...]:
-        """Those that a plugin of Mitsuba's has: one of `plugin` and `rough`."""
+        """The fields that `plugin`, one of `plugins`, has as parameters."""
         return tuple(item for item in self.fields if plugin == self.rough or not item.of_rough)
 
     def plugin_of(self, leaf: Any) -> str:
-        """The plugin of Mitsuba's for a leaf: `rough` where it has any roughness."""
+        """The name of Mitsuba's plugin for a leaf: `rough` if the leaf has microfacets."""
         return self.rough if self.rough is not None and is_rough(leaf) else self.plugin
 
 
 def is_rough(leaf: Any) -> bool:
-    """Whether a model has microfacets: any roughness but 0."""
+    """Whether a BSDF has microfacets: an alpha that is a texture, or above 0."""
     alpha = getattr(leaf, "alpha", 0.0)
     return any(isinstance(value, Texture) or value > 0.0 for value in (alpha if isinstance(alpha, tuple) else (alpha,)))
 

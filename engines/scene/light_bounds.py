@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 
 from engines.scene.geometry import has_area
 from engines.scene.lights import CustomLight, DirectionalLight, EnvironmentLight, PointLight, SpotLight
-from engines.scene.mesh import Mesh
+from engines.scene.mesh import Mesh, SphereSet
 from engines.scene.scene import Scene
 from engines.scene.shapes import Cylinder, Disk, Sphere, Triangle, as_mesh, as_spheres
-from engines.scene.sphere_set import SphereSet
 
 Array = NDArray[np.float64]
 
@@ -42,13 +41,13 @@ class LightBounds(NamedTuple):
 def light_bounds(scene: Scene) -> list[LightBounds]:
     """All lights of a scene in their order: its `lights`, then the shapes that emit and have an area."""
     scale = math.pi * _radius(scene) ** 2
-    found = [_LISTED[type(light)](light, scale) for light in scene.lights]
+    bounds = [_LISTED[type(light)](light, scale) for light in scene.lights]
     for shape in scene.shapes:
         if type(shape) in _SHAPES:
-            found += _SHAPES[type(shape)](shape, scene.materials)
-    known = [light.power for light in found if not math.isnan(light.power)]
+            bounds += _SHAPES[type(shape)](shape, scene.materials)
+    known = [light.power for light in bounds if not math.isnan(light.power)]
     usual = sum(known) / len(known) if known else 1.0
-    return [light._replace(power=usual) if math.isnan(light.power) else light for light in found]
+    return [light._replace(power=usual) if math.isnan(light.power) else light for light in bounds]
 
 
 def light_shares(scene: Scene) -> Array:

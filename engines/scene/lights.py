@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 from engines.errors import SceneError
 from engines.scene.context import SceneReader
 from engines.scene.formats.texture import read_texels
+from engines.scene.geometry import read_only
 from engines.scene.plugins import PluginKind, all_options
-from engines.scene.textures import ImageKind, image_array
-from engines.scene.triple import Triple
+from engines.scene.textures import IMAGE_FILE, image_array
+from engines.scene.triple import Triple, triple
 from engines.schema import fields
 from engines.schema.keys import Given, Key, Record, Variants
-from engines.schema.kinds import ANGLE, DIRECTION, POINT, Kind, color, one_of, within
+from engines.schema.kinds import ANGLE, DIRECTION, POINT, Kind, array_of, color, one_of, within
 from engines.schema.yaml_file import Located
 
 __all__ = ["CustomLight", "DirectionalLight", "EnvironmentLight", "Light", "PointLight", "SpotLight"]
@@ -174,9 +175,7 @@ def without_negative(image: NDArray[np.float64]) -> tuple[NDArray[np.float64], s
     if lowest < 0.0:
         count = int((image < 0.0).any(axis=2).sum())
         note, image = (f"{count} texels with negative radiance, down to {lowest:g}, are taken as 0", np.maximum(image, 0.0))
-    image = np.ascontiguousarray(image)
-    image.flags.writeable = False
-    return image, note
+    return read_only(np.ascontiguousarray(image)), note
 
 
 ORTHOGONAL = 1e-5
@@ -185,12 +184,10 @@ ORTHOGONAL = 1e-5
 
 def _rotation(node: Located) -> tuple[Triple, Triple, Triple]:
     """Three rows."""
-    if not isinstance(node.value, list) or len(node.value) != 3:
-        raise node.refuse("must be three rows of three numbers")
-    rows = np.array([fields.triple(row) for row in node.value])
+    rows = np.array([fields.triple(row) for row in fields.several(node, 3, "must be three rows of three numbers")])
     if not (np.abs(rows) < 2.0).all() or np.abs(rows @ rows.T - np.eye(3)).max() > ORTHOGONAL:
         raise node.refuse("must be a rotation: rows of length 1, at right angles")
-    a, b, c = ((float(x), float(y), float(z)) for x, y, z in rows)
+    a, b, c = map(triple, rows)
     return a, b, c
 
 
@@ -199,11 +196,11 @@ _ENVIRONMENT = Record(
     {
         "radiance": Key(color(), "Radiance from all directions; with an image, a factor.", 1, unit="W/(sr m²)"),
         "image": Key(
-            ImageKind(), "File of a latitude-longitude image, +y up, .exr, .hdr or 8-bit, relative to the scene's folder.", None
+            IMAGE_FILE, "File of a latitude-longitude image, +y up, .exr, .hdr or 8-bit, relative to the scene's folder.", None
         ),
         "scale": Key(within(0, 1e30), "Factor of the light.", 1),
         "rotation": Key(
-            Kind(_rotation, {"type": "array", "items": POINT.json, "minItems": 3, "maxItems": 3}),
+            Kind(_rotation, array_of(POINT.json, 3)),
             "Rows of the rotation of an image, which may mirror: it takes its directions to the scene's.",
             [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
         ),

@@ -6,10 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from engines.scene.bsdf import MODELS, Bsdf, Mixture, Sides
+from engines.scene.bsdf import MODELS, Bsdf, Sides
 from engines.scene.bsdf_tree import is_opaque, uses_uvs
+from engines.scene.models import Mixture
 from engines.scene.textures import Color, Texture, largest, mean_color, textured_color
-from engines.scene.triple import BLACK, Triple
+from engines.scene.triple import BLACK, Triple, triple
 from engines.schema.keys import Given, Key, Record
 from engines.schema.kinds import BOOLEAN, POSITIVE, one_of
 
@@ -46,8 +47,7 @@ class Material:
     @property
     def energy(self) -> Triple:
         """The share of light that kd, ks and kt return at most, a channel."""
-        r, g, b = (d + (max(s, t) if self.fresnel else s + t) for d, s, t in zip(self.kd, self.ks, self.kt, strict=True))
-        return r, g, b
+        return triple(d + (max(s, t) if self.fresnel else s + t) for d, s, t in zip(self.kd, self.ks, self.kt, strict=True))
 
     @property
     def emits(self) -> bool:

@@ -1,4 +1,4 @@
-"""Meshes: what engines get, and the keys of a scene file."""
+"""Shapes of many primitives: meshes, with the keys of a scene file, and sets of spheres."""
 
 from __future__ import annotations
 
@@ -10,16 +10,22 @@ from numpy.typing import NDArray
 
 from engines.scene.context import SceneReader
 from engines.scene.formats.mesh import MeshData, read_mesh
-from engines.scene.geometry import unit_rows, vertex_normals, with_face_normals
+from engines.scene.geometry import read_only, unit_rows, vertex_normals, with_face_normals
 from engines.schema import fields
 from engines.schema.keys import Given, Key, Record
-from engines.schema.kinds import BOOLEAN, POINT, POSITIVE, ROWS, TEXT, Kind, integer
+from engines.schema.kinds import BOOLEAN, NUMBER, POINT, POSITIVE, ROWS, TEXT, Kind, array_of, integer
 from engines.schema.yaml_file import Located, locate
 
-__all__ = ["Mesh"]
+__all__ = ["Mesh", "SphereSet"]
 
 SINGULAR = 1e-12
 """Least determinant of a transform whose largest number is 1."""
+
+
+def is_singular(linear: NDArray[np.float64]) -> bool:
+    """Whether a linear part (3, 3) flattens space."""
+    largest = np.abs(linear).max()
+    return largest == 0.0 or not abs(np.linalg.det(linear / largest)) > SINGULAR
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,12 +58,24 @@ def read_only_mesh(
     uvs: NDArray[np.float64] | None = None,
 ) -> Mesh:
     """The mesh of these arrays, or of copies in the types of `Mesh`; nobody may write to them any more."""
-    vertices = np.ascontiguousarray(vertices, np.float64)
-    faces, materials = np.ascontiguousarray(faces, np.int32), np.ascontiguousarray(materials, np.int32)
-    for array in (vertices, faces, materials, normals, uvs):
-        if array is not None:
-            array.flags.writeable = False
-    return Mesh(vertices, faces, materials, normals, name, uvs)
+    normals, uvs = (None if rows is None else read_only(np.ascontiguousarray(rows, np.float64)) for rows in (normals, uvs))
+    faces, materials = (read_only(np.ascontiguousarray(array, np.int32)) for array in (faces, materials))
+    return Mesh(read_only(np.ascontiguousarray(vertices, np.float64)), faces, materials, normals, name, uvs)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SphereSet:
+    """Many spheres that make one shape (a sphereflake): `centers` (n, 3), `radii` (n,), one material."""
+
+    centers: NDArray[np.float64]
+    radii: NDArray[np.float64]
+    material: int
+    name: str = "spheres"
+
+    def bounds(self) -> NDArray[np.float64]:
+        """(2, 3) lowest and highest coordinates."""
+        radii = self.radii[:, None]
+        return np.stack([(self.centers - radii).min(axis=0), (self.centers + radii).max(axis=0)])
 
 
 def _mesh(given: Given, context: SceneReader) -> Mesh:
@@ -151,13 +169,12 @@ def _transform(node: Located) -> NDArray[np.float64]:
     sizes = {len(row.value) if isinstance(row.value, list) else 0 for row in rows} if isinstance(rows, list) else set()
     if not sizes <= {3, 4} or len(sizes) != 1 or len(rows) not in (3, 4) or (len(rows), *sizes) == (4, 3):
         raise node.refuse("must be a matrix of 3 x 3, 3 x 4 or 4 x 4 numbers")
-    found = np.array([[fields.number(item) for item in row.value] for row in rows])
-    if len(found) == 4 and found[3].tolist() != [0.0, 0.0, 0.0, 1.0]:
+    numbers = np.array([[fields.number(item) for item in row.value] for row in rows])
+    if len(numbers) == 4 and numbers[3].tolist() != [0.0, 0.0, 0.0, 1.0]:
         raise node.refuse("must be affine: its last row must be [0, 0, 0, 1]")
     matrix = np.zeros((3, 4))
-    matrix[:, : found.shape[1]] = found[:3]
-    largest = np.abs(matrix[:, :3]).max()
-    if largest == 0.0 or not abs(np.linalg.det(matrix[:, :3] / largest)) > SINGULAR:
+    matrix[:, : numbers.shape[1]] = numbers[:3]
+    if is_singular(matrix[:, :3]):
         raise node.refuse("must not be singular")
     return matrix
 
@@ -189,9 +206,7 @@ def _placed(given: Given, data: MeshData) -> MeshData:
     return replace(data, vertices=vertices, normals=normals, faces=faces)
 
 
-_LINE = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 4}
-_PAIR = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
-_PAIRS = {"type": "array", "items": _PAIR}
+_PAIRS = {"type": "array", "items": array_of(NUMBER.json, 2)}
 MESH = Record(
     "Triangles from a file, or listed.",
     {
@@ -207,7 +222,7 @@ MESH = Record(
         "scale": Key(Kind(_scale, {"anyOf": [POSITIVE.json, POINT.json]}), "Factor of coordinates, or one for each axis.", 1),
         "translate": Key(POINT, "Vector that is added after scaling.", [0, 0, 0], unit="metres"),
         "transform": Key(
-            Kind(_transform, {"type": "array", "items": _LINE, "minItems": 3, "maxItems": 4}),
+            Kind(_transform, array_of(array_of(NUMBER.json, 3, 4), 3, 4)),
             "Instead of scale and translate, a matrix of 3 x 3, 3 x 4 or 4 x 4 numbers, by rows.",
             None,
         ),

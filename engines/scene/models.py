@@ -10,10 +10,10 @@ from typing import Any
 from engines.scene.metals import METALS
 from engines.scene.plugins import PluginKind, all_options
 from engines.scene.textures import Color, Number, Texture, named_texture, textured_color, textured_number
-from engines.scene.triple import BLACK, WHITE, Triple
+from engines.scene.triple import BLACK, WHITE, Triple, triple
 from engines.schema import fields
 from engines.schema.keys import Given, Key, Record
-from engines.schema.kinds import BOOLEAN, Kind, color, one_of, within
+from engines.schema.kinds import BOOLEAN, ContextKind, Kind, array_of, color, one_of, within
 from engines.schema.yaml_file import Located
 
 __all__ = ["Conductor", "CustomBSDF", "Dielectric", "Diffuse", "Mixture", "Null", "Plastic", "Principled", "ThinDielectric"]
@@ -26,27 +26,22 @@ leave float32 beyond these limits; where both are 0, they are 0/0."""
 IORS = (0.01, 100.0)
 LEAST_CONTRAST = 1e-3
 """Least distance of a rough interface's ior from 1, where refracted light has no half vector."""
+TOO_LITTLE_CONTRAST = f"a rough interface needs an index at least {LEAST_CONTRAST:g} away from 1"
 PLASTIC_IORS = (1.0, 3.0)
 """Where the diffuse reflectance of the inside, a fit, lies below 1."""
 
 
-class AlphaKind:
+def _alpha(node: Located, context: Any) -> tuple[Number, Number]:
     """A number or a texture, or two of them, [along the first tangent, along the second]: numbers are both 0, or none is less
     than SMOOTHEST."""
-
-    def read(self, node: Located, context: Any = None) -> tuple[Number, Number]:
-        items = node.value if isinstance(node.value, list) else [node]
-        if isinstance(node.value, list) and len(items) != 2:
-            raise node.refuse("must be a number, or two")
-        found = [named_texture(item, context) if isinstance(item.value, str) else fields.number(item) for item in items]
-        for item, value in zip(items, found, strict=True):
-            if any(found) and not isinstance(value, Texture) and not SMOOTHEST <= value <= 1.0:
-                raise item.refuse(f"must lie in [{SMOOTHEST:g}, 1], or be 0 for a smooth surface")
-        return found[0], found[-1]
-
-    def schema(self) -> dict[str, Any]:
-        one = ROUGHNESS.schema()["anyOf"]
-        return {"anyOf": [*one, {"type": "array", "items": {"anyOf": one}, "minItems": 2, "maxItems": 2}]}
+    items = node.value if isinstance(node.value, list) else [node]
+    if isinstance(node.value, list) and len(items) != 2:
+        raise node.refuse("must be a number, or two")
+    alphas = [named_texture(item, context) if isinstance(item.value, str) else fields.number(item) for item in items]
+    for item, alpha in zip(items, alphas, strict=True):
+        if any(alphas) and not isinstance(alpha, Texture) and not SMOOTHEST <= alpha <= 1.0:
+            raise item.refuse(f"must lie in [{SMOOTHEST:g}, 1], or be 0 for a smooth surface")
+    return alphas[0], alphas[-1]
 
 
 def _plain_alpha(node: Located) -> float:
@@ -58,8 +53,11 @@ def _plain_alpha(node: Located) -> float:
 
 ROUGHNESS = textured_number(0, 1)
 SHARE = textured_color(1)
+_ONE = ROUGHNESS.json["anyOf"]
 ALPHA = Key(
-    AlphaKind(), f"Roughness of the microfacets, or two along the tangents; 0 is smooth, else at least {SMOOTHEST:g}.", 0
+    ContextKind(_alpha, {"anyOf": [*_ONE, array_of({"anyOf": _ONE}, 2)]}),
+    f"Roughness of the microfacets, or two along the tangents; 0 is smooth, else at least {SMOOTHEST:g}.",
+    0,
 )
 DISTRIBUTION = Key(one_of(("ggx", "beckmann"), "distribution"), "Distribution of the microfacets' normals.", "ggx")
 _REFLECTED = Key(SHARE, "Factor of what is reflected by the interface.", 1)
@@ -89,11 +87,10 @@ class Conductor:
     def albedo(self) -> Triple:
         """The share of light that a smooth surface of constant reflectance reflects at normal incidence."""
         assert isinstance(self.reflectance, tuple)
-        r, g, b = (
+        return triple(
             scale * ((eta - 1.0) ** 2 + k**2) / ((eta + 1.0) ** 2 + k**2)
             for eta, k, scale in zip(self.eta, self.k, self.reflectance, strict=True)
         )
-        return r, g, b
 
 
 def _conductor(given: Given, context: Any) -> Conductor:
@@ -102,11 +99,17 @@ def _conductor(given: Given, context: Any) -> Conductor:
             raise given.node.refuse_key("specular_reflectance", "a factor of metal, or eta and k: reflectance is all there is")
         return Conductor(BLACK, WHITE, given["alpha"], given["reflectance"], given["distribution"])  # Fresnel gives 1
     eta, k = METALS[given["metal"]] if given["metal"] else (given["eta"], given["k"])
+    if lacks := indices_lack(eta, k):
+        raise given.node.refuse(lacks)
+    return Conductor(eta, k, given["alpha"], given["specular_reflectance"], given["distribution"])
+
+
+def indices_lack(eta: Triple, k: Triple) -> str | None:
+    """What is wrong with the complex index of a metal, or None."""
     for channel, larger in zip(("red", "green", "blue"), map(max, eta, k), strict=True):
         if not INDICES[0] <= larger <= INDICES[1]:
-            limits = f"[{INDICES[0]:g}, {INDICES[1]:g}]"
-            raise given.node.refuse(f"the larger of eta and k is {larger:g} in {channel}: must lie in {limits}")
-    return Conductor(eta, k, given["alpha"], given["specular_reflectance"], given["distribution"])
+            return f"the larger of eta and k is {larger:g} in {channel}: must lie in [{INDICES[0]:g}, {INDICES[1]:g}]"
+    return None
 
 
 CONDUCTOR = Record(
@@ -179,7 +182,7 @@ class Dielectric:
 def _dielectric(given: Given, context: Any) -> Dielectric:
     rough = given["alpha"] != (0.0, 0.0)
     if rough and abs(given["ior"] - 1.0) < LEAST_CONTRAST:
-        raise given.at("ior").refuse(f"a rough interface wants an index at least {LEAST_CONTRAST:g} away from 1")
+        raise given.at("ior").refuse(TOO_LITTLE_CONTRAST)
     return Dielectric(
         given["ior"], given["alpha"], given["specular_reflectance"], given["specular_transmittance"], given["distribution"]
     )

@@ -17,11 +17,10 @@ from engines.errors import SceneError
 from engines.input_files import open_regular, unreadable
 from engines.scene.cameras import Perspective
 from engines.scene.mitsuba_xml.document import Document, Element
-from engines.scene.mitsuba_xml.properties import snake_case
+from engines.scene.mitsuba_xml.properties import plugin_tree, snake_case
+from engines.scene.mitsuba_xml.sensors import DEFAULT_SIZE, film_size
 from engines.scene.scene import Scene
 
-DEFAULT_SIZE = (768, 576)
-"""Of a film that does not say."""
 CHUNK = 1 << 20
 PLUGIN = re.compile(r"[A-Za-z0-9_]{1,64}")
 NAMES_A_FILE = re.compile(r"file|path", re.IGNORECASE)
@@ -145,19 +144,4 @@ def _hash_of(file: Path, element: Element) -> bytes:
 
 def _size(sensor: Element) -> tuple[int, int]:
     film = next((child for child in sensor.children if child.tag == "film"), None)
-    children = film.children if film else ()
-    said = {snake_case(child.attributes.get("name", "")): child for child in children if child.tag == "integer"}
-    width, height = (_side(said.get(name), default) for name, default in zip(("width", "height"), DEFAULT_SIZE, strict=True))
-    for name, whole in (("offset_x", 0), ("offset_y", 0), ("width", width), ("height", height)):
-        if film is not None and _side(said.get(f"crop_{name}"), whole, 0) != whole:
-            raise film.refuse("a crop of the film is not supported: leave crop_ out")
-    return width, height
-
-
-def _side(element: Element | None, default: int, least: int = 1) -> int:
-    if element is None:
-        return default
-    text = element.attributes.get("value", "").strip()
-    if not text.isascii() or not text.isdigit() or not least <= int(text[:9]) <= 65_536:
-        raise element.refuse_value(f"must be an integer in [{least}, 65536]")
-    return int(text)
+    return DEFAULT_SIZE if film is None else film_size(plugin_tree(film, {}))

@@ -66,12 +66,16 @@ class PluginKind:
         return {"type": "object", "required": ["type"], "properties": {"type": named}, "description": self.meaning}
 
 
-def all_options(what: str, plugin: Any, given: Mapping[str, Any]) -> dict[str, Any]:
+def all_options(what: str, plugin: Any, options: Mapping[str, Any]) -> dict[str, Any]:
+    """A float or three for every option of a plugin, in its order: that of `options`, or the default.
+
+    Raises `UnknownName` for options that the plugin does not have; `what` it is stands in the message.
+    """
     known = plugin.options
-    for name in given:
+    for name in options:
         if name not in known:
             raise UnknownName(f"option of the {what} {plugin.name!r}", name, known)
-    values = {name: given.get(name, default) for name, default in known.items()}
+    values = {name: options.get(name, default) for name, default in known.items()}
     return {name: tuple(map(float, x)) if np.ndim(x) else float(x) for name, x in values.items()}
 
 

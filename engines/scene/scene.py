@@ -18,10 +18,10 @@ from engines.scene.context import SceneReader
 from engines.scene.lights import LIGHTS, Light
 from engines.scene.materials import MATERIAL, Material
 from engines.scene.mesh import Mesh
-from engines.scene.shapes import Shape, ShapeKind
-from engines.scene.textures import TexturesKind
+from engines.scene.shapes import SHAPE, Shape
+from engines.scene.textures import TEXTURES
 from engines.schema.keys import Given, Key, Record, by_name, list_of
-from engines.schema.kinds import TEXT, integer
+from engines.schema.kinds import TEXT, ContextKind, integer
 from engines.schema.yaml_file import Located
 
 __all__ = ["Scene", "scene_schema"]
@@ -57,16 +57,11 @@ class Scene:
         return hashlib.sha256(f"{self.content_hash} {self.native.digest}".encode()).hexdigest()
 
 
-class MaterialsKind:
+def _materials(node: Located, context: SceneReader) -> None:
     """Materials by names of the user's own, which the context's table learns before the shapes are read."""
-
-    def read(self, node: Located, context: Any = None) -> None:
-        if node.value is not None and not isinstance(node.value, dict):
-            raise node.refuse("must be a mapping from names to materials")
-        context.table.declare(node.value or {}, context)
-
-    def schema(self) -> dict[str, Any]:
-        return MATERIALS.schema()
+    if node.value is not None and not isinstance(node.value, dict):
+        raise node.refuse("must be a mapping from names to materials")
+    context.table.declare(node.value or {}, context)
 
 
 def _scene(given: Given, context: SceneReader) -> Scene:
@@ -86,16 +81,16 @@ def _scene(given: Given, context: SceneReader) -> Scene:
 
 def scene_warnings(context: SceneReader, shapes: list[Shape], lights: list[Light]) -> list[str]:
     """A sentence each for what is legal but rarely meant."""
-    found = list(dict.fromkeys(context.warnings))
+    warnings = list(dict.fromkeys(context.warnings))
     if not shapes:
-        found.append("the scene is empty: it has no shapes")
+        warnings.append("the scene is empty: it has no shapes")
     if not lights and not any(_emits(context.table.materials, shape) for shape in shapes):
-        found.append("the scene has no light: images that need light will be black")
+        warnings.append("the scene has no light: images that need light will be black")
     if context.degenerate == 1:
-        found.append("1 triangle has no area: it is never hit")
+        warnings.append("1 triangle has no area: it is never hit")
     elif context.degenerate:
-        found.append(f"{context.degenerate} triangles have no area: they are never hit")
-    return found
+        warnings.append(f"{context.degenerate} triangles have no area: they are never hit")
+    return warnings
 
 
 def _emits(materials: list[Material], shape: Shape) -> bool:
@@ -103,16 +98,16 @@ def _emits(materials: list[Material], shape: Shape) -> bool:
     return any(materials[index].emits for index in used)
 
 
-MATERIALS = by_name(MATERIAL, "materials")
+MATERIALS = ContextKind(_materials, by_name(MATERIAL, "materials").schema())
 SCENE = Record(
     "A scene.",
     {
         "raybench_scene": Key(integer(FORMAT, FORMAT), "Version of the format."),
         "name": Key(TEXT, "Title of the scene, by default the name of its file.", None),
         "camera": Key(CAMERA, "The camera."),
-        "textures": Key(TexturesKind(), "Textures by names of your own.", None),
-        "materials": Key(MaterialsKind(), "Materials by names of your own.", None),
-        "shapes": Key(list_of(ShapeKind(), "shapes"), "Shapes. One whose material emits is an area light.", None),
+        "textures": Key(TEXTURES, "Textures by names of your own.", None),
+        "materials": Key(MATERIALS, "Materials by names of your own.", None),
+        "shapes": Key(list_of(SHAPE, "shapes"), "Shapes. One whose material emits is an area light.", None),
         "lights": Key(list_of(LIGHTS, "lights"), "Lights other than area lights.", None),
     },
     _scene,
@@ -122,5 +117,5 @@ SCENE = Record(
 def scene_schema() -> dict[str, Any]:
     """The JSON schema (draft 2020-12) of scene files: every key with its type, default, unit and meaning, for editors and
     for the documentation. It is no stricter than `load_scene`, which has the last word."""
-    found = {**SCENE.schema(), "title": "raybench scene"}
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **found}
+    schema = {**SCENE.schema(), "title": "raybench scene"}
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}

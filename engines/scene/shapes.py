@@ -4,21 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engines.scene.bsdf_tree import is_textured
 from engines.scene.context import SceneReader
-from engines.scene.geometry import has_area
-from engines.scene.mesh import MESH, Mesh
+from engines.scene.geometry import has_area, read_only
+from engines.scene.mesh import MESH, Mesh, SphereSet
 from engines.scene.procedural import PROCEDURAL
-from engines.scene.sphere_set import SphereSet
 from engines.scene.triple import Triple
 from engines.schema import fields
 from engines.schema.keys import Given, Key, Record, Variants
-from engines.schema.kinds import DIRECTION, POINT, POSITIVE, ROWS, TEXT, Kind
+from engines.schema.kinds import DIRECTION, POINT, POSITIVE, ROWS, TEXT, ContextKind, Kind
 from engines.schema.yaml_file import Located, locate
 
 __all__ = ["Cylinder", "Disk", "Plane", "Shape", "Sphere", "Triangle"]
@@ -149,10 +147,7 @@ def _spheres(given: Given, context: SceneReader) -> SphereSet:
     if not isinstance(radii, list) or len(radii) != len(centers) or len(centers) == 0:
         raise written.refuse("must be a list of radii, one for each center")
     assert context.material is not None
-    found = SphereSet(centers, np.array([fields.positive(each) for each in radii]), context.material)
-    for array in (found.centers, found.radii):
-        array.flags.writeable = False
-    return found
+    return SphereSet(read_only(centers), read_only(np.array([fields.positive(radius) for radius in radii])), context.material)
 
 
 _RADII = Kind(lambda node: node, {"type": "array", "items": POSITIVE.json, "minItems": 1})
@@ -202,28 +197,26 @@ SHAPES = Variants(
 )
 
 
-class ShapeKind:
-    """A shape with its material. The context is a `SceneReader`."""
+def _shape(node: Located, context: SceneReader) -> Shape:
+    """A shape with its material."""
+    kind = SHAPES.choose(node)
+    body, named = node.value[kind], node.value.get("material")
+    several = named.value if named is not None and isinstance(named.value, list) else []
+    file = body.value.get("file") if kind == "mesh" and isinstance(body.value, dict) else None
+    if named is not None and several and not (file and str(file.value).lower().endswith(".ply")):
+        raise named.refuse("unknown material: must be one name, a list belongs to a .ply file")
+    context.material = None if named is None or several else context.table.index(named)
+    context.face_materials = [context.table.index(each) for each in several]
+    if named is None and file is None:
+        raise node.refuse_key("material", "is missing")
+    shape = SHAPES.records[kind].read(body, context)
+    check_area(node, shape, context)
+    if isinstance(shape, Mesh) and shape.uvs is None and _shows_texture(shape, context):
+        context.warnings.append(f"{shape.name} has no texture coordinates: each of its triangles shows {PART}")
+    return shape
 
-    def read(self, node: Located, context: Any = None) -> Shape:
-        kind = SHAPES.choose(node)
-        body, named = node.value[kind], node.value.get("material")
-        several = named.value if named is not None and isinstance(named.value, list) else []
-        file = body.value.get("file") if kind == "mesh" and isinstance(body.value, dict) else None
-        if named is not None and several and not (file and str(file.value).lower().endswith(".ply")):
-            raise named.refuse("unknown material: must be one name, a list belongs to a .ply file")
-        context.material = None if named is None or several else context.table.index(named)
-        context.face_materials = [context.table.index(each) for each in several]
-        if named is None and not (kind == "mesh" and isinstance(body.value, dict) and "file" in body.value):
-            raise node.refuse_key("material", "is missing")
-        shape = SHAPES.records[kind].read(body, context)
-        check_area(node, shape, context)
-        if isinstance(shape, Mesh) and shape.uvs is None and _shows_texture(shape, context):
-            context.warnings.append(f"{shape.name} has no texture coordinates: each of its triangles shows {PART}")
-        return shape
 
-    def schema(self) -> dict[str, Any]:
-        return SHAPES.schema()
+SHAPE = ContextKind(_shape, SHAPES.schema())
 
 
 def check_area(node: Located, shape: Shape, context: SceneReader) -> None:

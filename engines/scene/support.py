@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from engines.scene.bsdf import CustomBSDF
 from engines.scene.bsdf_tree import leaves, members, own_values
 from engines.scene.cameras import CustomCamera
 from engines.scene.lights import CustomLight
+from engines.scene.models import CustomBSDF
 from engines.scene.scene import Scene
 
 

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from engines.errors import SceneError, suggestion
 from engines.scene.files import Place
 from engines.scene.formats.texture import CHANNELS, linear, read_texels
-from engines.scene.triple import Triple
+from engines.scene.geometry import read_only
+from engines.scene.triple import Triple, product, triple
 from engines.schema import fields
 from engines.schema.keys import Given, Key, Record, by_name
-from engines.schema.kinds import NUMBER, TEXT, Kind, color, one_of, within
+from engines.schema.kinds import NUMBER, POINT, TEXT, ContextKind, Kind, array_of, color, one_of, within
 from engines.schema.yaml_file import Located
 
 __all__ = ["Checkerboard", "Color", "ImageTexture", "Number", "Texture"]
@@ -63,19 +64,23 @@ Number = float | Texture
 def largest(texture: Texture) -> Triple:
     """The largest value of each channel, held in [0, 1]."""
     if isinstance(texture, Checkerboard):
-        r, g, b = (min(max(a, b), 1.0) for a, b in zip(texture.a, texture.b, strict=True))
-        return r, g, b
-    r, g, b = np.broadcast_to(texture.pixels.max(axis=(0, 1)).clip(0, 1), 3).tolist()
-    return r, g, b
+        return triple(min(max(a, b), 1.0) for a, b in zip(texture.a, texture.b, strict=True))
+    return triple(np.broadcast_to(texture.pixels.max(axis=(0, 1)).clip(0, 1), 3))
 
 
 def mean_color(texture: Texture) -> Triple:
     """The mean of each channel over the texels of an image, or over both colours of a checkerboard; less than 0 counts as 0."""
     if isinstance(texture, Checkerboard):
-        r, g, b = (0.5 * (max(x, 0.0) + max(y, 0.0)) for x, y in zip(texture.a, texture.b, strict=True))
-        return r, g, b
-    r, g, b = np.broadcast_to(np.maximum(texture.pixels, 0).mean(axis=(0, 1), dtype=np.float64), 3).tolist()
-    return r, g, b
+        return triple(0.5 * (max(x, 0.0) + max(y, 0.0)) for x, y in zip(texture.a, texture.b, strict=True))
+    return triple(np.broadcast_to(np.maximum(texture.pixels, 0).mean(axis=(0, 1), dtype=np.float64), 3))
+
+
+def tinted(texture: Texture, factor: Triple) -> Texture:
+    """The texture times a colour; texels in float32."""
+    if isinstance(texture, Checkerboard):
+        return replace(texture, a=product(texture.a, factor), b=product(texture.b, factor))
+    factors = factor[:1] if factor[0] == factor[1] == factor[2] else factor
+    return replace(texture, pixels=read_only(texture.pixels * np.array(factors, np.float32)))
 
 
 def _pair(node: Located, alone: bool) -> tuple[float, float]:
@@ -83,23 +88,19 @@ def _pair(node: Located, alone: bool) -> tuple[float, float]:
     if alone and not isinstance(node.value, list):
         both = fields.number(node)
         return both, both
-    if not isinstance(node.value, list) or len(node.value) != 2:
-        raise node.refuse("must be a number, or two" if alone else "must be two numbers")
-    first, second = (fields.number(item) for item in node.value)
+    expected = "must be a number, or two" if alone else "must be two numbers"
+    first, second = (fields.number(item) for item in fields.several(node, 2, expected))
     return first, second
 
 
 def _matrix(node: Located) -> UVMatrix:
     """Two rows of three numbers."""
-    rows = node.value
-    if not isinstance(rows, list) or len(rows) != 2:
-        raise node.refuse("must be two rows of three numbers")
-    a, b, c, d, e, f = (number for row in rows for number in fields.triple(row))
+    rows = map(fields.triple, fields.several(node, 2, "must be two rows of three numbers"))
+    (a, b, c), (d, e, f) = rows
     return a, b, c, d, e, f
 
 
-_ROW = {"type": "array", "items": NUMBER.json, "minItems": 3, "maxItems": 3}
-_TWO = {"type": "array", "items": NUMBER.json, "minItems": 2, "maxItems": 2}
+_TWO = array_of(NUMBER.json, 2)
 PLACING = {
     "scale": Key(
         Kind(lambda node: _pair(node, alone=True), {"anyOf": [NUMBER.json, _TWO]}),
@@ -108,7 +109,7 @@ PLACING = {
     ),
     "offset": Key(Kind(lambda node: _pair(node, alone=False), _TWO), "What is added to u and v after scaling.", [0, 0]),
     "to_uv": Key(
-        Kind(_matrix, {"type": "array", "items": _ROW, "minItems": 2, "maxItems": 2}),
+        Kind(_matrix, array_of(POINT.json, 2)),
         "Instead of scale and offset, a matrix: u' = m[0] . (u, v, 1), v' = m[1] . (u, v, 1).",
         None,
     ),
@@ -132,7 +133,7 @@ def _image(given: Given, context: Any) -> ImageTexture:
     texels = image_array(node) if file is None else images.texels[file]
     srgb = texels.dtype.kind == "u" if written is None else written == "srgb"
     try:
-        pixels = _read_only(linear(texels, srgb, channel)) if file is None else images.linear(file, srgb, channel)
+        pixels = read_only(linear(texels, srgb, channel)) if file is None else images.linear(file, srgb, channel)
     except KeyError:
         raise given.at("channel").refuse("the image has no such channel") from None
     if srgb:
@@ -140,42 +141,31 @@ def _image(given: Given, context: Any) -> ImageTexture:
     return ImageTexture(pixels, given["filter"], given["wrap"], _to_uv(given), name)
 
 
-def _read_only(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
-    pixels.flags.writeable = False
-    return pixels
-
-
 def image_array(node: Located, channels: int = 0) -> NDArray[Any]:
     """(h, w, c) of an array from Python: uint8, uint16 or finite float32. With `channels` c is that, and numbers are floats."""
-    found, kinds = np.atleast_3d(node.value), "f" if channels else "uf"
-    if node.value.ndim not in (2, 3) or found.shape[2] not in ((channels,) if channels else (1, 2, 3, 4)) or 0 in found.shape:
-        wanted = f"(h, w, {channels})" if channels else "(h, w), or (h, w, c) with c from 1 to 4"
-        raise node.refuse(f"array {node.value.shape}: must have the shape {wanted}")
-    if found.dtype.kind not in kinds or (found.dtype.kind == "u" and found.dtype.itemsize > 2):
-        raise node.refuse(f"array of {found.dtype}: must be {'floats' if channels else 'uint8, uint16 or floats'}")
-    if found.dtype.kind == "f":
+    texels, kinds = np.atleast_3d(node.value), "f" if channels else "uf"
+    if node.value.ndim not in (2, 3) or texels.shape[2] not in ((channels,) if channels else (1, 2, 3, 4)) or 0 in texels.shape:
+        expected = f"(h, w, {channels})" if channels else "(h, w), or (h, w, c) with c from 1 to 4"
+        raise node.refuse(f"array {node.value.shape}: must have the shape {expected}")
+    if texels.dtype.kind not in kinds or (texels.dtype.kind == "u" and texels.dtype.itemsize > 2):
+        raise node.refuse(f"array of {texels.dtype}: must be {'floats' if channels else 'uint8, uint16 or floats'}")
+    if texels.dtype.kind == "f":
         with np.errstate(over="ignore"):
-            found = found.astype(np.float32)
-        if not np.isfinite(found).all():
+            texels = texels.astype(np.float32)
+        if not np.isfinite(texels).all():
             raise node.refuse("holds values that are infinite or not a number")
-    return found
+    return texels
 
 
-class ImageKind:
-    """The name of an image file as it stands, or an array."""
-
-    def read(self, node: Located, context: Any = None) -> Any:
-        return node.value if isinstance(node.value, np.ndarray) else fields.text(node)
-
-    def schema(self) -> dict[str, Any]:
-        return TEXT.schema()
+IMAGE_FILE = Kind(lambda node: node.value if isinstance(node.value, np.ndarray) else fields.text(node), TEXT.json)
+"""The name of an image file as it stands, or an array."""
 
 
 _IMAGE = Record(
     "An image, from a file or (in Python) an array. v = 0 is its upper edge.",
     {
         "image": Key(
-            ImageKind(),
+            IMAGE_FILE,
             "File of the image, .png (8 or 16 bit), .jpg, .tga, .bmp, .tif, .webp, .exr or .hdr, relative "
             "to the scene's folder.",
         ),
@@ -211,39 +201,32 @@ _SQUARES = Record(
 _CHECKERBOARD = Record(
     "Squares of half a unit of u and v.", {"checkerboard": Key(_SQUARES, "The two colours."), **PLACING}, _checkerboard
 )
-TEXTURES = {"image": _IMAGE, "checkerboard": _CHECKERBOARD}
+_KINDS = {"image": _IMAGE, "checkerboard": _CHECKERBOARD}
 
 
-class TextureKind:
+def _texture(node: Located, context: Any) -> Texture:
     """A texture, which is of the kind whose key it has."""
-
-    def read(self, node: Located, context: Any = None) -> Texture:
-        kinds = ", or ".join(TEXTURES)
-        if not isinstance(node.value, dict):
-            raise node.refuse(f"must be a mapping with {kinds}")
-        found = [kind for kind in TEXTURES if kind in node.value]
-        if len(found) != 1:
-            for key in node.value:
-                if key not in {key for record in TEXTURES.values() for key in record.keys}:
-                    raise node.unknown_key(key, TEXTURES)
-            raise node.refuse(f"must have either {kinds}")
-        return TEXTURES[found[0]].read(node, context)
-
-    def schema(self) -> dict[str, Any]:
-        return {"anyOf": [record.schema() for record in TEXTURES.values()]}
+    names = ", or ".join(_KINDS)
+    if not isinstance(node.value, dict):
+        raise node.refuse(f"must be a mapping with {names}")
+    kinds = [kind for kind in _KINDS if kind in node.value]
+    if len(kinds) != 1:
+        for key in node.value:
+            if key not in {key for record in _KINDS.values() for key in record.keys}:
+                raise node.unknown_key(key, _KINDS)
+        raise node.refuse(f"must have either {names}")
+    return _KINDS[kinds[0]].read(node, context)
 
 
-class TexturesKind:
+_BY_NAME = by_name(ContextKind(_texture, {"anyOf": [record.schema() for record in _KINDS.values()]}), "textures")
+
+
+def _textures(node: Located, context: Any) -> None:
     """Textures by names of the user's own, which the context learns before materials are read."""
-
-    def read(self, node: Located, context: Any = None) -> None:
-        context.textures = _BY_NAME.read(node, context)
-
-    def schema(self) -> dict[str, Any]:
-        return _BY_NAME.schema()
+    context.textures = _BY_NAME.read(node, context)
 
 
-_BY_NAME = by_name(TextureKind(), "textures")
+TEXTURES = ContextKind(_textures, _BY_NAME.schema())
 
 
 @dataclass(slots=True)
@@ -276,24 +259,8 @@ class Images:
         """Values of a file that has been read as `linear` gives them, read-only. Raises KeyError as `linear`."""
         key = (file, self.texels[file].dtype.kind == "u" if srgb is None else srgb, channel)
         if key not in self.decoded:
-            self.decoded[key] = _read_only(linear(self.texels[file], srgb, channel))
+            self.decoded[key] = read_only(linear(self.texels[file], srgb, channel))
         return self.decoded[key]
-
-
-class TexturedKind:
-    """What a `constant` kind reads, or the name of a texture."""
-
-    def __init__(self, constant: Kind) -> None:
-        self.constant = constant
-
-    def read(self, node: Located, context: Any = None) -> Any:
-        if isinstance(node.value, str) and not context.textures:
-            raise node.refuse("must be a number or the name of a texture, and the scene has no textures")
-        return named_texture(node, context) if isinstance(node.value, str) else self.constant.read(node)
-
-    def schema(self) -> dict[str, Any]:
-        constant = self.constant.schema()
-        return {"anyOf": [*constant.get("anyOf", [constant]), NAMED]}
 
 
 NAMED = {"type": "string", "title": "name of a texture"}
@@ -310,11 +277,22 @@ def named_texture(node: Located, context: Any) -> Texture:
     return context.textures[node.value]
 
 
-def textured_color(high: float = math.inf) -> TexturedKind:
+def _textured(constant: Kind) -> ContextKind:
+    """What a `constant` kind reads, or the name of a texture."""
+
+    def read(node: Located, context: Any) -> Any:
+        if isinstance(node.value, str) and not context.textures:
+            raise node.refuse("must be a number or the name of a texture, and the scene has no textures")
+        return named_texture(node, context) if isinstance(node.value, str) else constant.read(node)
+
+    return ContextKind(read, {"anyOf": [*constant.json.get("anyOf", [constant.json]), NAMED]})
+
+
+def textured_color(high: float = math.inf) -> ContextKind:
     """A number for grey, or [r, g, b], each in [0, high], or the name of a texture."""
-    return TexturedKind(color(high))
+    return _textured(color(high))
 
 
-def textured_number(low: float, high: float) -> TexturedKind:
+def textured_number(low: float, high: float) -> ContextKind:
     """A number in [low, high], or the name of a texture."""
-    return TexturedKind(within(low, high))
+    return _textured(within(low, high))

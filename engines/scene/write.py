@@ -21,11 +21,10 @@ from engines.scene.formats.ply import write_ply
 from engines.scene.leaf_fields import LEAF_PLUGINS
 from engines.scene.lights import DirectionalLight, EnvironmentLight, Light, PointLight, SpotLight
 from engines.scene.materials import Material
-from engines.scene.mesh import Mesh
+from engines.scene.mesh import Mesh, SphereSet
 from engines.scene.models import Mixture
 from engines.scene.scene import FORMAT, Scene
 from engines.scene.shapes import Cylinder, Disk, Plane, Shape, Sphere, Triangle
-from engines.scene.sphere_set import SphereSet
 from engines.scene.support import foreign
 from engines.scene.textures import IDENTITY, Checkerboard, ImageTexture, Texture
 from engines.scene.triple import BLACK, WHITE, Triple
@@ -81,7 +80,7 @@ class _Writer:
         names = [self.name("materials", material.name) for material in scene.materials]
         materials = {name: self.material(each) for name, each in zip(names, scene.materials, strict=True)}
         shapes = [self.shape(shape, names) for shape in scene.shapes]
-        found = {
+        keys = {
             "raybench_scene": FORMAT,
             "name": scene.name,
             "camera": _camera(scene.camera),
@@ -90,30 +89,30 @@ class _Writer:
             "shapes": shapes,
             "lights": [self.light(light) for light in scene.lights],
         }
-        return {key: value for key, value in found.items() if value not in ({}, [])}
+        return {key: value for key, value in keys.items() if value not in ({}, [])}
 
-    def name(self, kind: str, wanted: str, file: bool = False) -> str:
+    def name(self, kind: str, proposed: str, file: bool = False) -> str:
         """A name of its own; one that a file may have everywhere, with `file`."""
-        wanted = re.sub(r"[^A-Za-z0-9_.-]+", "_", wanted).strip("._")[:LONGEST] if file else wanted.strip()
-        taken, found, count = self.taken.setdefault(kind, set()), wanted or kind, 1
-        while found.lower() in taken:
+        proposed = re.sub(r"[^A-Za-z0-9_.-]+", "_", proposed).strip("._")[:LONGEST] if file else proposed.strip()
+        taken, unique, count = self.taken.setdefault(kind, set()), proposed or kind, 1
+        while unique.lower() in taken:
             count += 1
-            found = f"{wanted or kind}_{count}"
-        taken.add(found.lower())
-        return found
+            unique = f"{proposed or kind}_{count}"
+        taken.add(unique.lower())
+        return unique
 
-    def path(self, folder: str, wanted: str, suffix: str) -> str:
+    def path(self, folder: str, proposed: str, suffix: str) -> str:
         """The path, relative to the scene, of a file that is to be written."""
         (self.root / folder).mkdir(exist_ok=True)
-        stem = re.sub(r"\.(obj|ply|stl|serialized|png|jpe?g|exr|hdr|tga)$", "", Path(wanted).name, flags=re.IGNORECASE)
+        stem = re.sub(r"\.(obj|ply|stl|serialized|png|jpe?g|exr|hdr|tga)$", "", Path(proposed).name, flags=re.IGNORECASE)
         return f"{folder}/{self.name(folder, stem, file=True)}{suffix}"
 
     # ---- materials and textures --------------------------------------------------------------------------------------
 
     def material(self, material: Material) -> Keys:
-        found = self.bsdf(material.bsdf) if material.bsdf else self.lobes(material)
+        keys = self.bsdf(material.bsdf) if material.bsdf else self.lobes(material)
         emission = {"emission": self.value(material.emission)} if material.emits else {}
-        return found | emission | ({"two_sided": True} if material.two_sided else {})
+        return keys | emission | ({"two_sided": True} if material.two_sided else {})
 
     def lobes(self, of: Material | Mixture) -> Keys:
         colors = {key: self.value(getattr(of, key)) for key in ("kd", "ks", "kt") if getattr(of, key) != BLACK}
@@ -154,8 +153,8 @@ class _Writer:
 
     def texture(self, texture: Texture) -> str:
         if id(texture) not in self.textures:
-            wanted = texture.name if isinstance(texture, ImageTexture) else "checkerboard"
-            name = self.textures[id(texture)] = self.name("textures", wanted)
+            proposed = texture.name if isinstance(texture, ImageTexture) else "checkerboard"
+            name = self.textures[id(texture)] = self.name("textures", proposed)
             self.tree[name] = (
                 self.image(texture)
                 if isinstance(texture, ImageTexture)

@@ -1,4 +1,4 @@
-"""Typed reading of Located values: every function returns a plain value or raises what `Located.refuse` makes."""
+"""Functions that read a Located value of one type: each returns a plain value, or raises what `Located.refuse` makes."""
 
 from __future__ import annotations
 
@@ -39,18 +39,21 @@ def items(node: Located, what: str) -> list[Located]:
 
 
 def text(node: Located) -> str:
+    """Text with anything but blanks in it."""
     if not isinstance(node.value, str) or not node.value.strip():
         raise node.refuse("must be text")
     return node.value
 
 
 def boolean(node: Located) -> bool:
+    """True or false; 0 and 1 are refused."""
     if not isinstance(node.value, bool):
         raise node.refuse("must be true or false")
     return node.value
 
 
 def one_of(node: Located, known: Collection[str], what: str) -> str:
+    """One of the `known` names of a `what`; others are refused with the nearest known one."""
     if not isinstance(node.value, str) or node.value not in known:
         raise node.refuse(f"unknown {what}: {suggestion(str(node.value), known)}")
     return node.value
@@ -79,6 +82,7 @@ def number(node: Located) -> float:
 
 
 def positive(node: Located) -> float:
+    """A finite number above 0."""
     value = number(node)
     if value <= 0.0:
         raise node.refuse("must be greater than 0")
@@ -103,14 +107,14 @@ def within(node: Located, low: float, high: float) -> float:
 
 def triple(node: Located) -> Triple:
     """Three finite numbers."""
-    a, b, c = (number(item) for item in _three(node))
+    a, b, c = (number(item) for item in several(node, 3, "must be three numbers"))
     return a, b, c
 
 
 def color(node: Located, high: float = math.inf) -> Triple:
     """A number for grey or [r, g, b], each in [0, high]."""
     if isinstance(node.value, (list, np.ndarray)):
-        r, g, b = (_channel(item, high) for item in _three(node, "must be a number or [r, g, b]"))
+        r, g, b = (_channel(item, high) for item in several(node, 3, "must be a number or [r, g, b]"))
         return r, g, b
     grey = _channel(node, high)
     return grey, grey, grey
@@ -118,21 +122,21 @@ def color(node: Located, high: float = math.inf) -> Triple:
 
 def direction(node: Located) -> Triple:
     """Three numbers, not all zero, as a unit vector."""
-    found = unit(triple(node))
-    if found is None:
+    unit_vector = unit(triple(node))
+    if unit_vector is None:
         raise node.refuse("must not be the zero vector")
-    return found
+    return unit_vector
 
 
 def towards(node: Located, start: Triple, name: str) -> Triple:
     """The unit vector from `start`, which messages call `name`, to the point at `node`."""
     target = triple(node)
-    found = unit((target[0] - start[0], target[1] - start[1], target[2] - start[2]))
-    if found is None:
+    unit_vector = unit((target[0] - start[0], target[1] - start[1], target[2] - start[2]))
+    if unit_vector is None:
         raise node.refuse(f"must differ from {name}")
-    if not all(map(math.isfinite, found)):
+    if not all(map(math.isfinite, unit_vector)):
         raise node.refuse(f"too far from {name}")
-    return found
+    return unit_vector
 
 
 def unit(vector: Triple) -> Triple | None:
@@ -154,22 +158,22 @@ def rows(node: Located, dtype: type, low: float = -math.inf, high: float = math.
     if isinstance(node.value, np.ndarray):
         return _array_rows(node, node.value, dtype, low, high, width)
     read = (lambda item: integer(item, int(low), int(high))) if issubclass(dtype, np.integer) else number
-    wanted = "must be three numbers" if width == 3 else "must be two numbers"
+    expected = "must be three numbers" if width == 3 else "must be two numbers"
     shown = "[a, b, c]" if width == 3 else "[a, b]"
-    found = [[read(item) for item in _several(row, width, wanted)] for row in items(node, shown)]
-    return np.array(found, dtype).reshape(-1, width)
+    numbers = [[read(item) for item in several(row, width, expected)] for row in items(node, shown)]
+    return np.array(numbers, dtype).reshape(-1, width)
 
 
 def _array_rows(node: Located, value: NDArray[Any], dtype: type, low: float, high: float, width: int) -> NDArray[Any]:
     kinds = "iu" if issubclass(dtype, np.integer) else "iuf"
     if value.ndim != 2 or value.shape[1] != width or value.dtype.kind not in kinds:
-        wanted = f"must have the shape (n, {width}) and numbers of kind {kinds}"
-        raise node.refuse(f"array {value.shape} of {value.dtype}: {wanted}")
+        expected = f"must have the shape (n, {width}) and numbers of kind {kinds}"
+        raise node.refuse(f"array {value.shape} of {value.dtype}: {expected}")
     good = np.isfinite(value) & (value >= low) & (value <= high)
     if not good.all():
         row, column = (int(i) for i in np.argwhere(~good)[0])
-        wanted = "must be finite" if math.isinf(high) else f"must be an integer in [{low:g}, {high:g}]"
-        raise node.origin.error(f"{node.where}[{row}][{column}] = {value[row, column]}: {wanted}")
+        expected = "must be finite" if math.isinf(high) else f"must be an integer in [{low:g}, {high:g}]"
+        raise node.origin.error(f"{node.where}[{row}][{column}] = {value[row, column]}: {expected}")
     return np.array(value, dtype)
 
 
@@ -179,17 +183,14 @@ def refuse_above_memory(node: Located, needed: float, what: str) -> None:
         raise node.refuse(f"{what} {lacks}")
 
 
-def _three(node: Located, wanted: str = "must be three numbers") -> list[Located]:
-    return _several(node, 3, wanted)
-
-
-def _several(node: Located, count: int, wanted: str) -> list[Located]:
+def several(node: Located, count: int, expected: str) -> list[Located]:
+    """The `count` children of a list, or of an array of numbers; what else stands there is refused with `expected`."""
     value = node.value
     if isinstance(value, np.ndarray) and value.ndim == 1 and value.dtype.kind in "iuf":
         path = node.path
         value = [Located(x.item(), node.origin, (*path, i), node.line, node.line) for i, x in enumerate(value)]
     if not isinstance(value, list) or len(value) != count:
-        raise node.refuse(wanted)
+        raise node.refuse(expected)
     return value
 
 

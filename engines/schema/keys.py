@@ -122,12 +122,12 @@ class Record:
 
     def _choose(self, node: Located) -> None:
         ways = [way for way in self.either if any(name in node.value for name in way)]
-        wanted = [" and ".join(way) for way in self.either]
-        wanted = f"{', '.join(wanted[:-1])}, or {wanted[-1]}"
+        expected = [" and ".join(way) for way in self.either]
+        expected = f"{', '.join(expected[:-1])}, or {expected[-1]}"
         if not ways:
-            raise node.refuse(f"needs {wanted}")
+            raise node.refuse(f"needs {expected}")
         for name in [name for way in ways[1:] for name in way if name in node.value]:
-            raise node.refuse_key(name, f"either {wanted}")
+            raise node.refuse_key(name, f"either {expected}")
         for name in ways[0]:
             if name not in node.value:
                 raise node.refuse_key(name, "is missing")
@@ -193,13 +193,13 @@ class Variants:
         if not isinstance(node.value, dict):
             beside = "".join(f" and {key}" for key in self.beside)
             raise node.refuse(f"must be a mapping with one key, the kind of {self.what} ({kinds}){beside}")
-        found = [key for key in node.value if key not in self.beside]
-        for key in found:
+        names = [key for key in node.value if key not in self.beside]
+        for key in names:
             if key not in self.records:
                 raise node.refuse_key(key, f"unknown {self.what}: {suggestion(key, [*self.records, *self.beside])}")
-        if len(found) != 1:
+        if len(names) != 1:
             raise node.refuse(f"must have one kind of {self.what}: {kinds}")
-        return found[0]
+        return names[0]
 
     def read(self, node: Located, context: Any = None) -> Any:
         """The value of the record; the keys of `beside` are the caller's to read."""

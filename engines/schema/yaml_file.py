@@ -7,7 +7,7 @@
     raise red.refuse("must lie in [0, 1]")       # scenes/box.yaml:14 materials.red = 1.4: must lie in [0, 1]
     raise red.unknown_key("kdd", ["kd", "ks"])   # scenes/box.yaml:15 materials.red.kdd: unknown key: ... 'kd' ...
     root.plain()                                 # the same tree as ordinary dicts, lists and scalars
-    root.at(("sweep", "engine", 0))              # the nearest Located on that way: for the `loc` of pydantic's errors
+    root.at(("sweep", "engine", 0))              # the value at that path, or the last one on the way that exists
 
 `locate(data)` gives plain Python data the same shape (no lines; NumPy arrays stay leaves): one loader serves both.
 
@@ -63,15 +63,15 @@ class Located:
         """`scenes/box.yaml:14 materials.red.kd[1]`; the key path alone for data from Python."""
         return _where(self.origin, self.line, self.path)
 
-    def refuse(self, wanted: str) -> RaybenchError:
+    def refuse(self, expected: str) -> RaybenchError:
         """The error to raise for this value: where, what was found (scalars only), what is expected."""
-        return self.origin.error(f"{self.where}{_found(self.value)}: {wanted}")
+        return self.origin.error(f"{self.where}{_found(self.value)}: {expected}")
 
-    def refuse_key(self, key: str, wanted: str) -> RaybenchError:
+    def refuse_key(self, key: str, expected: str) -> RaybenchError:
         """The error to raise about a key of this mapping, at the key's own line and origin."""
         child = self.value.get(key) if isinstance(self.value, dict) else None
         line, origin = (child.key_line, child.origin) if isinstance(child, Located) else (self.line, self.origin)
-        return origin.error(f"{_where(origin, line, (*self.path, key))}: {wanted}")
+        return origin.error(f"{_where(origin, line, (*self.path, key))}: {expected}")
 
     def unknown_key(self, key: str, known: Iterable[str]) -> RaybenchError:
         """The error to raise for a key of this mapping that does not exist, with the nearest known one."""

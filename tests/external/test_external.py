@@ -14,9 +14,9 @@ import pytest
 import engines
 from engines import Settings
 from engines.errors import ConfigError, RendererFailed, Unsupported
-from engines.peers.external.pictures import read_pfm
-from engines.peers.external.template import filled
+from engines.peers.external.description import filled
 from engines.scene import CustomLight
+from engines.scene.formats.floats import parse_pfm
 from tests.external.describing import described
 from tests.needs import needs
 
@@ -59,7 +59,7 @@ def test_variance_is_that_between_calls_and_unknown_after_one(tmp_path):
         ("crash", "a_renderer_crash: the program ended with status 3: the tree fell over"),
         ("signal", "was killed by SIGSEGV"),
         ("silent", "wrote no image"),
-        ("garbage", "its image cannot be read: is no portable float map"),
+        ("garbage", "its image cannot be read: the header of a PFM file is expected"),
         ("size", "its image has 7x4 pixels where 6x4 are expected"),
         ("nan", "1 of the 24 pixels of its image are not finite"),
     ],
@@ -210,13 +210,13 @@ def test_the_files_content_is_part_of_the_version(tmp_path):
 def test_portable_float_maps_are_read_from_the_bottom_up_in_either_byte_order():
     values = np.arange(2 * 3 * 3, dtype=np.float32).reshape(2, 3, 3)
     for order, scale in (("<f4", b"-1.0"), (">f4", b"1.0")):
-        image = read_pfm(b"PF\n3 2\n" + scale + b"\n" + values[::-1].astype(order).tobytes())
+        image = parse_pfm(b"PF\n3 2\n" + scale + b"\n" + values[::-1].astype(order).tobytes())
         assert (image == values).all()
-    grey = read_pfm(b"Pf 3 2 -1\n" + values[..., 0].astype("<f4").tobytes())
-    assert (grey == values[::-1, :, :1]).all() and grey.shape == (2, 3, 3)
+    grey = parse_pfm(b"Pf 3 2 -1\n" + values[..., 0].astype("<f4").tobytes())
+    assert (grey == values[::-1, :, :1]).all() and grey.shape == (2, 3, 1)
     for bad in (b"", b"P6 1 1 255\nabc", b"PF\n2 2\n-1\n1234", b"PF\n0 0\n-1\n"):
-        with pytest.raises(ValueError, match="portable float map"):
-            read_pfm(bad)
+        with pytest.raises(ValueError, match=r"PFM file|cut short"):
+            parse_pfm(bad)
 
 
 @needs("mitsuba-scalar")

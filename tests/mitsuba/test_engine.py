@@ -12,7 +12,7 @@ from engines import Settings, UnknownName
 from engines.packages import install_extra
 from engines.peers.mitsuba import Engine, library
 from engines.peers.mitsuba.patterns import ROUNDED
-from engines.peers.mitsuba.seeds import seed_of
+from engines.peers.mitsuba.streams import seed_of
 from tests.needs import needs
 from tests.plain_scene import plain_scene
 

@@ -10,7 +10,7 @@ import engines
 from engines import SceneError, Settings
 from engines.image import read_provenance
 from engines.peers.mitsuba import ScalarEngine
-from engines.peers.mitsuba.seeds import seed_of
+from engines.peers.mitsuba.streams import seed_of
 from harness.analysis import analyse
 from harness.analysis.model import ranked_together
 from harness.store.results import load_results

@@ -131,7 +131,7 @@ CASES = [
     ({"normal_map": {"map": "photo", "of": {}}}, "m.normal_map.map = 'photo': its texels are sRGB-encoded"),
     ({"plastic": {"ior": 4}}, "m.plastic.ior = 4: must lie in [1, 3]"),
     ({"plastic": {"alpha": 1e-9}}, "m.plastic.alpha = 1e-09: must lie in [0.0001, 1]"),
-    ({"dielectric": {"ior": 1.0, "alpha": 0.1}}, "m.dielectric.ior = 1.0: a rough interface wants an index at least 0.001"),
+    ({"dielectric": {"ior": 1.0, "alpha": 0.1}}, "m.dielectric.ior = 1.0: a rough interface needs an index at least 0.001"),
     ({"dielectric": {"alpha": [0, 0.1]}}, "m.dielectric.alpha[0] = 0: must lie in [0.0001, 1]"),
     ({"dielectric": {"alpha": ["tiles", 0]}}, "m.dielectric.alpha[1] = 0: must lie in [0.0001, 1]"),
     ({"principled": {"eta": 1.5, "specular": 0.5}}, "m.principled.specular: either specular or eta"),

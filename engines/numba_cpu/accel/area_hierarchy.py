@@ -69,7 +69,7 @@ class Accelerator:
     def __init__(self, options: Any) -> None:
         self.build_seconds = 0.0
         self._list = none.Accelerator(options)
-        self._bytes = 0
+        self.bytes = 0
 
     def build(self, flat: FlatScene, threads: int) -> None:
         start = time.perf_counter()
@@ -96,11 +96,7 @@ class Accelerator:
         flat.bind(AreaTable.eye, eye)
         flat.bind(AreaTable.boxes, boxes)
         flat.bind(AreaTable.n_boxes, n if has_eye else -1)
-        self._bytes = boxes.nbytes + flat.arrays[AreaTable.corners].nbytes
-
-    @property
-    def bytes(self) -> int:
-        return self._list.bytes + self._bytes
+        self.bytes = boxes.nbytes + flat.arrays[AreaTable.corners].nbytes
 
     def stages(self, features: SceneFeatures, real: Any) -> tuple[Any, Any]:
         closest, occluded = self._list.stages(features, real)

@@ -33,7 +33,7 @@ class Accelerator:
 
     def __init__(self, options: Any) -> None:
         self.build_seconds = 0.0
-        self._bytes = 0
+        self.bytes = 0
 
     def build(self, flat: FlatScene, threads: int) -> None:
         start = time.perf_counter()
@@ -48,12 +48,8 @@ class Accelerator:
                 nodes, leaves = _build(flat, 2.0 ** float(np.frexp(extent)[1]), threads, pool)  # no area overflows
             flat.bind(bvh_walk.BvhTable.nodes, nodes)
             flat.bind(bvh_walk.BvhTable.leaves, leaves)
-            self._bytes = nodes.nbytes + leaves.nbytes
+            self.bytes = nodes.nbytes + leaves.nbytes
         self.build_seconds = time.perf_counter() - start
-
-    @property
-    def bytes(self) -> int:
-        return self._bytes
 
     def stages(self, features: SceneFeatures, real: Any) -> tuple[Any, Any]:
         return bvh_walk.stages(features.triangles, features.spheres, features.planes, features.analytic, real)

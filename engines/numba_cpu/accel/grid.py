@@ -63,7 +63,7 @@ class Accelerator:
     def __init__(self, options: Any) -> None:
         self._density = float(options["density"])
         self.build_seconds = 0.0
-        self._bytes = 0
+        self.bytes = 0
 
     def build(self, flat: FlatScene, threads: int) -> None:
         start = time.perf_counter()
@@ -92,12 +92,8 @@ class Accelerator:
             flat.bind(field, values)
         for field, cells in zip((table.size_x, table.size_y, table.size_z), size, strict=True):
             flat.bind(field, int(cells))
-        self._bytes = sum(values.nbytes for values in arrays.values())
+        self.bytes = sum(values.nbytes for values in arrays.values())
         self.build_seconds = time.perf_counter() - start
-
-    @property
-    def bytes(self) -> int:
-        return self._bytes
 
     def stages(self, features: SceneFeatures, real: Any) -> tuple[Any, Any]:
         return stages(features.triangles, features.spheres, features.planes, features.analytic, real)

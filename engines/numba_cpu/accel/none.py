@@ -79,7 +79,7 @@ class Accelerator:
     scratch = SCRATCH
 
     def __init__(self, options: Any) -> None:
-        self.build_seconds = 0.0
+        self.build_seconds, self.bytes = 0.0, 0
 
     def build(self, flat: FlatScene, threads: int) -> None:
         start = time.perf_counter()
@@ -102,10 +102,6 @@ class Accelerator:
         flat.bind(ListTable.faces, np.concatenate(local))
         flat.bind(ListTable.boxes, np.reshape(boxes, (-1, BoxRow.size)).astype(flat.real))
         self.build_seconds = time.perf_counter() - start
-
-    @property
-    def bytes(self) -> int:
-        return 0
 
     def stages(self, features: SceneFeatures, real: Any) -> tuple[Any, Any]:
         return stages(features.triangles, features.spheres, features.planes, features.analytic, real)

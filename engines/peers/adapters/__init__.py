@@ -7,9 +7,8 @@ stopping, updates, counters and the choice of settings come with them. See docs/
 from engines.peers.adapters.colors import mirror_share
 from engines.peers.adapters.engine import PLAIN_PATHS, AdapterEngine, version_with
 from engines.peers.adapters.geometry import CameraFrame, FlatMesh, camera_frame, extent, flat_meshes
-from engines.peers.adapters.image_renderer import MEANS_ALONE, ImageRenderer
+from engines.peers.adapters.image_renderer import MEANS_ALONE, ImageRenderer, derive_seed
 from engines.peers.adapters.lacks import mixture_lacks
-from engines.peers.adapters.seeds import derive_seed
 from engines.peers.adapters.tessellation import cylinder_mesh, disk_mesh, sphere_mesh, squares
 from engines.scene.frames import tangents
 from engines.scene.tessellate import Triangles

@@ -100,8 +100,8 @@ class AdapterEngine:
         """The resolved settings; raises `Unsupported` for the first thing that is lacking, what has to be installed last."""
         shaders, samplers = {**SHADERS, **self.own_shaders}, {**SAMPLERS, **self.own_samplers}
         chosen = settings.resolved(self.accelerators(), self.precision, shaders, samplers)
-        found = (*self._settings_lack(chosen), refusal_of(scene), *self._scene_lacks(scene))
-        reason = next(filter(None, found), None) or self.lacks(scene, chosen) or self._missing()
+        lacking = (*self._settings_lack(chosen), refusal_of(scene), *self._scene_lacks(scene))
+        reason = next(filter(None, lacking), None) or self.lacks(scene, chosen) or self._missing()
         if reason is not None:
             raise Unsupported(reason)
         return chosen

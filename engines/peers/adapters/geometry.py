@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.interface import Settings
-from engines.scene import BLACK, Mesh, Orthographic, Perspective, Plane, Scene, ThinLens
+from engines.scene import BLACK, Mesh, Orthographic, Perspective, Plane, Scene, Texture, ThinLens
 from engines.scene.frames import look_at
 from engines.scene.geometry import face_normals, has_area, unit_rows
 from engines.scene.shapes import as_mesh
@@ -54,12 +54,12 @@ def flat_meshes(scene: Scene, gap: float | None = None) -> list[FlatMesh]:
     groups: dict[tuple[int, bool, bool], list[Piece]] = {}
     for piece in _pieces(scene, gap):
         groups.setdefault((piece.material, piece.normals is not None, piece.uvs is not None), []).append(piece)
-    found = []
+    meshes = []
     for index, ((material, _, _), parts) in enumerate(sorted(groups.items())):
         first = np.cumsum([0, *(len(piece.vertices) for piece in parts)])
         faces = [piece.faces + start for piece, start in zip(parts, first[:-1], strict=True)]
         normals, uvs = ([getattr(piece, name) for piece in parts] for name in ("normals", "uvs"))
-        found.append(
+        meshes.append(
             FlatMesh(
                 f"mesh_{index}",
                 material,
@@ -69,7 +69,7 @@ def flat_meshes(scene: Scene, gap: float | None = None) -> list[FlatMesh]:
                 None if uvs[0] is None else np.concatenate(uvs),
             )
         )
-    return found
+    return meshes
 
 
 class Piece(NamedTuple):
@@ -115,12 +115,17 @@ def _pieces(scene: Scene, gap: float | None) -> Iterator[Piece]:
         area = has_area(mesh.vertices, mesh.faces)
         for piece in pieces(replace(mesh, faces=mesh.faces[area], materials=mesh.materials[area])):
             material = scene.materials[piece.material]
-            found = _with_uvs(piece) if material.uses_uvs else piece._replace(uvs=None)
-            yield from two_sides(found, gap) if gap is not None and material.emits and material.two_sided else (found,)
+            placed = _with_uvs(piece) if material.uses_uvs else piece._replace(uvs=None)
+            yield from two_sides(placed, gap) if gap is not None and material.emits and material.two_sided else (placed,)
 
 
 def _with_uvs(piece: Piece) -> Piece:
     return piece if piece.uvs is not None else unshared(piece)._replace(uvs=np.tile(OWN_UVS, (len(piece.faces), 1)))
+
+
+def placed_uvs(uvs: Array, texture: Texture) -> Array:
+    """(n, 2) texture coordinates by the `to_uv` of a texture, for renderers that have none."""
+    return np.column_stack([uvs, np.ones(len(uvs))]) @ np.reshape(texture.to_uv, (2, 3)).T
 
 
 @dataclass(frozen=True, slots=True, eq=False)

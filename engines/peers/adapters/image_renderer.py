@@ -1,7 +1,8 @@
-"""The base class of a renderer that returns images: the film and everything around it."""
+"""The base class of a renderer that returns images: the film and everything around it, and seeds of fewer bits."""
 
 from __future__ import annotations
 
+import hashlib
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -16,7 +17,6 @@ from engines.concurrency import CallGuard
 from engines.errors import RendererFailed, Unsupported
 from engines.film import Film, Image
 from engines.interface import Engine, Hits, OnPass, Settings
-from engines.peers.adapters.seeds import derive_seed
 from engines.scene import Camera, Scene, Shape
 
 MEANS_ALONE = {
@@ -28,6 +28,17 @@ MEANS_ALONE = {
 
 WATCHED = 16
 """Samples per pixel between two calls of `on_pass`."""
+BITS = 31
+"""Of a derived seed: renderers take no more, some of them as a signed number."""
+
+
+def derive_seed(seed: int, part: int | str = 0) -> int:
+    """A seed in [1, 2^31) for `part` of what is rendered under `seed`: another one for every pair, the same one every time.
+
+    All bits of `seed` count. 0 is left out: some renderers take it for a seed of their own choice.
+    """
+    digest = hashlib.sha256(f"{seed}/{part}".encode()).digest()
+    return int.from_bytes(digest[:8], "big") % ((1 << BITS) - 1) + 1
 
 
 class ImageRenderer(ABC):
@@ -88,12 +99,12 @@ class ImageRenderer(ABC):
             while self.film.spp < target and not self.stopped.is_set():
                 missing = target - self.film.spp
                 samples = min(missing, self.samples_a_pass or (missing if on_pass is None else WATCHED))
-                found = self.image(samples, self.film.spp, self.seed)
-                if found is None:
+                image = self.image(samples, self.film.spp, self.seed)
+                if image is None:
                     if self.stopped.is_set():
                         break
                     raise RendererFailed(f"{self.engine.name}: the renderer gave no image, and nobody stopped it")
-                self.film.add_mean(*(found if isinstance(found, tuple) else (found, samples)))
+                self.film.add_mean(*(image if isinstance(image, tuple) else (image, samples)))
                 if on_pass is not None:
                     on_pass(self.film)
             return self.film

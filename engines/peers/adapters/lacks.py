@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from engines.peers.adapters.colors import largest, least
-from engines.scene import Bump, EnvironmentLight, Mixture, NormalMap, PointLight, Scene
+from engines.scene import Bump, EnvironmentLight, Mesh, Mixture, NormalMap, PointLight, Scene, Triangle
 from engines.scene.bsdf import Bsdf
-from engines.scene.bsdf_tree import own_textures
+from engines.scene.bsdf_tree import is_textured, own_textures
 
 OUT_OF_RANGE = "textures that leave the range in which raybench holds them"
 
@@ -20,6 +20,14 @@ def environments_lack(scene: Scene, who: str) -> str | None:
     """One sentence where the scene has several environments, of which `who` renders one, or None."""
     several = sum(isinstance(light, EnvironmentLight) for light in scene.lights) > 1
     return f"the scene has several environments, of which {who} renders one" if several else None
+
+
+def textures_lack(scene: Scene) -> str | None:
+    """One sentence where a shape other than triangles has a texture, which renderers have on meshes alone, or None."""
+    for shape in scene.shapes:
+        if not isinstance(shape, Triangle | Mesh) and is_textured((material := scene.materials[shape.material]).as_bsdf):
+            return f"material {material.name!r}: textures are translated on meshes, not on a {type(shape).__name__}"
+    return None
 
 
 def mixture_lacks(part: Mixture) -> str | None:

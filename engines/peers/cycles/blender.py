@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.interface import Settings
-from engines.peers.adapters import CameraFrame, FlatMesh, camera_frame
+from engines.peers.adapters import CameraFrame, FlatMesh, camera_frame, tangents
+from engines.peers.adapters.geometry import placed_uvs
 from engines.peers.cycles.geometry import SphereGroup, meshes_of, points_of
 from engines.peers.cycles.nodes import Nodes, placed
 from engines.scene import (
@@ -71,6 +72,7 @@ class BlenderScene:
         return _captured.pop("pixels").reshape(height, width, 4)[::-1, :, :3]
 
     def free(self) -> None:
+        """Removes from Blender what was made for the scene."""
         self.data.batch_remove([*self.made, self.scene])
 
     # ---- what is in it -----------------------------------------------------------------------------------------------
@@ -105,7 +107,7 @@ class BlenderScene:
             _attribute(mesh, "custom_normal", "FLOAT_VECTOR", "vector", given.normals)
         for index, texture in enumerate(textures):
             assert given.uvs is not None
-            uv = np.column_stack([given.uvs, np.ones(len(given.uvs))]) @ np.reshape(texture.to_uv, (2, 3)).T
+            uv = placed_uvs(given.uvs, texture)
             _attribute(mesh, f"uv{index}", "FLOAT_VECTOR", "vector", np.column_stack([uv, np.zeros(len(uv))]))
         mesh.materials.append(materials[given.material])
         self._object(given.name, mesh)
@@ -165,7 +167,8 @@ class BlenderScene:
                 Nodes(tree).spot(light)
         placing = np.eye(4)
         if sun:
-            placing[:3, :3] = _turned(-np.array(light.direction))
+            back = -np.array(light.direction)
+            placing[:3, :3] = np.stack([*tangents(back), back], axis=1)
         else:
             placing[:3, 3] = light.position
         self._object("light", made).matrix_world = placing.T
@@ -223,13 +226,6 @@ def _attribute(mesh: Any, name: str, kind: str, field: str, values: NDArray[np.f
     mesh.attributes.new(name, kind, "POINT").data.foreach_set(field, values.astype(np.float32).ravel())
 
 
-def _turned(back: NDArray[np.float64]) -> Any:
-    """(3, 3) a rotation that takes +z to `back`."""
-    s = np.cross(back, np.eye(3)[np.argmin(np.abs(back))])
-    s /= np.linalg.norm(s)
-    return np.stack([s, np.cross(back, s), back], axis=1)
-
-
 @contextlib.contextmanager
 def _nodes(owner: Any) -> Any:
     if owner.node_tree is None:
@@ -250,9 +246,9 @@ def _blender() -> Any:
             begin = perf_counter()
             native(engine, depsgraph)
             _captured["seconds"] = perf_counter() - begin
-            found = engine.get_result().layers[0].passes["Combined"]
+            combined = engine.get_result().layers[0].passes["Combined"]
             pixels = np.empty(engine.resolution_x * engine.resolution_y * 4, np.float32)
-            found.rect.foreach_get(pixels)
+            combined.rect.foreach_get(pixels)
             _captured["pixels"] = pixels
 
         addon.render = render

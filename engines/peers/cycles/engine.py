@@ -6,9 +6,8 @@ import numpy as np
 
 from engines.interface import Settings
 from engines.peers.adapters import MEANS_ALONE, PLAIN_PATHS, AdapterEngine, version_with
-from engines.peers.adapters.lacks import OUT_OF_RANGE, out_of_range
+from engines.peers.adapters.lacks import OUT_OF_RANGE, out_of_range, textures_lack
 from engines.peers.cycles.geometry import spheres_lack
-from engines.peers.cycles.nodes import placed
 from engines.peers.cycles.renderer import Renderer
 from engines.scene import (
     BLACK,
@@ -91,16 +90,15 @@ class Engine(AdapterEngine):
         if min(settings.size(scene)) < LEAST_SIDE:
             return f"Blender renders no images of less than {LEAST_SIDE} pixels a side"
         for material in scene.materials:
-            found = next(filter(None, map(bsdf_lacks, members(material.as_bsdf))), None)
-            if found is None and any(map(out_of_range, members(material.as_bsdf))):
-                found = OUT_OF_RANGE
-            if found is None and has_null_lobes(material.as_bsdf) and settings.shader.options["max_depth"] < DEEP:
-                found = f"surfaces that rays pass, which are no segments there, unless max_depth is {DEEP} or more"
-            if found is not None:
-                return f"material {material.name!r}: Cycles has no exact counterpart of {found}"
-        for shape in scene.shapes:
-            if not isinstance(shape, Triangle | Mesh) and placed(material := scene.materials[shape.material]):
-                return f"material {material.name!r}: textures are translated on meshes, not on a {type(shape).__name__}"
+            lacking = next(filter(None, map(bsdf_lacks, members(material.as_bsdf))), None)
+            if lacking is None and any(map(out_of_range, members(material.as_bsdf))):
+                lacking = OUT_OF_RANGE
+            if lacking is None and has_null_lobes(material.as_bsdf) and settings.shader.options["max_depth"] < DEEP:
+                lacking = f"surfaces that rays pass, which are no segments there, unless max_depth is {DEEP} or more"
+            if lacking is not None:
+                return f"material {material.name!r}: Cycles has no exact counterpart of {lacking}"
+        if lacks := textures_lack(scene):
+            return lacks
         if any(isinstance(light, EnvironmentLight) and light.rows == "poles" for light in scene.lights):
             return "Cycles has no environments whose rows lie on the poles"
         return spheres_lack(scene)

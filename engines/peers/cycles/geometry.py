@@ -67,11 +67,11 @@ def points_of(scene: Scene) -> list[SphereGroup]:
 
 def spheres_of(scene: Scene) -> list[SphereGroup]:
     """All spheres of the scene, by material."""
-    found: dict[int, list[tuple[Array, Array]]] = {}
+    groups: dict[int, list[tuple[Array, Array]]] = {}
     for shape in scene.shapes:
         if (spheres := as_spheres(shape)) is not None:
-            found.setdefault(spheres.material, []).append((spheres.centers, spheres.radii))
-    return [SphereGroup(material, *map(np.concatenate, zip(*parts, strict=True))) for material, parts in sorted(found.items())]
+            groups.setdefault(spheres.material, []).append((spheres.centers, spheres.radii))
+    return [SphereGroup(material, *map(np.concatenate, zip(*parts, strict=True))) for material, parts in sorted(groups.items())]
 
 
 def subdivisions(count: int) -> int:

@@ -63,6 +63,7 @@ class Nodes:
         return self.node(kind, inputs, **properties).outputs[output]
 
     def mixed(self, share: Any, a: Any, b: Any) -> Any:
+        """A `share` of the BSDF b and the rest of a, of which None is black."""
         return self.out("MixShader", [share, a, b])
 
     def added(self, *parts: Any) -> Any:
@@ -170,6 +171,7 @@ class Nodes:
         self.node("OutputMaterial", [self.added(self.bsdf(material.as_bsdf) if scatters else None, light)])
 
     def world(self, light: EnvironmentLight) -> None:
+        """The environment as the background of a world."""
         if light.image is None:  # varies by less than rounding, or Cycles does not sample it as a light
             along = [self.out("NewGeometry", output="Incoming"), tuple(1e-9 * x for x in light.radiance), light.radiance]
             color = self.out("VectorMath", along, operation="MULTIPLY_ADD")

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from engines.choices import SAMPLERS, SHADERS, Choice, Option, resolve
-from engines.errors import ConfigError, RaybenchError
+from engines.errors import ConfigError, RaybenchError, suggestion
 from engines.peers.external.scenes import FORMATS
-from engines.peers.external.template import placeholders
 from engines.schema import fields
 from engines.schema.yaml_file import Located, read_yaml
 
@@ -34,6 +33,8 @@ KEYS = (
     "threads",
     "environment",
 )
+_PIECE = re.compile(r"\{\{|\}\}|\{([^{}]*)\}|[{}]")
+"""What a word may hold: a brace that is written twice, a placeholder, or a brace that stands alone."""
 REQUIRED = ("raybench_renderer", "name", "version", "command", "shaders")
 
 
@@ -143,16 +144,16 @@ def _environment(node: Located) -> dict[str, str]:
 
 
 def _choices(node: Located, kind: str, table: Mapping[str, Mapping[str, Option]]) -> dict[str, Choice]:
-    found: dict[str, Choice] = {}
+    choices: dict[str, Choice] = {}
     for child in fields.items(node, f"{kind}s"):
         try:
             choice = resolve(kind, child.plain(), table)
         except RaybenchError as error:
             raise ConfigError(f"{child.where}: {error}") from error
-        found[choice.name] = choice
-    if not found:
+        choices[choice.name] = choice
+    if not choices:
         raise node.refuse(f"at least one {kind} is expected")
-    return found
+    return choices
 
 
 def _options(kind: str, choices: Mapping[str, Choice]) -> list[str]:
@@ -172,3 +173,24 @@ def _time(node: Located) -> re.Pattern[str] | None:
     if not compiled.groupindex or not set(compiled.groupindex) <= set(UNITS):
         raise pattern.refuse(f"groups named by their unit are expected, as (?P<s>[0-9.]+): {', '.join(UNITS)}")
     return compiled
+
+
+# ---- words with placeholders: `spp={spp}`; `{{` and `}}` are braces
+
+
+def placeholders(text: str, known: Iterable[str], node: Located) -> Iterator[str]:
+    """The names used in `text`; raises what `node` refuses where one is unknown or a brace stands alone."""
+    known = list(known)
+    for piece in _PIECE.finditer(text):
+        if piece[0] in ("{", "}"):
+            raise node.refuse(f"{text!r}: a brace stands alone; {{{{ and }}}} are braces")
+        if piece[1] is not None:
+            if piece[1] not in known:
+                raise node.refuse(f"{text!r}: unknown placeholder {{{piece[1]}}}: {suggestion(piece[1], known)}")
+            yield piece[1]
+
+
+def filled(text: str, values: Mapping[str, object]) -> str:
+    """`text` with every placeholder replaced; a value that is missing raises KeyError."""
+    braces = {"{{": "{", "}}": "}"}
+    return _PIECE.sub(lambda piece: braces.get(piece[0]) or str(values[piece[1]]), text)

@@ -17,11 +17,10 @@ from engines.choices import SAMPLERS, SHADERS, Choice, Option
 from engines.errors import RendererFailed, Unsupported, why_unsupported
 from engines.interface import Settings
 from engines.peers.adapters import MEANS_ALONE, ImageRenderer, derive_seed
-from engines.peers.external.description import UNITS, Description, read
+from engines.peers.external.description import UNITS, Description, filled, read
 from engines.peers.external.pictures import read_picture
 from engines.peers.external.process import Process
 from engines.peers.external.scenes import CARRIES, FORMATS
-from engines.peers.external.template import filled
 from engines.scene import Scene
 from engines.scene.support import refusal_of
 from engines.temporary import TemporaryFolder
@@ -114,11 +113,11 @@ def program(description: Description) -> str:
     """The program's path; raises `Unsupported` where there is none."""
     word = description.command[0]
     place = description.file.absolute().parent / Path(word).expanduser() if "/" in word else word
-    found = shutil.which(place)
-    if found is None:
+    path = shutil.which(place)
+    if path is None:
         where = f"at {place}" if "/" in word else "on PATH"
         raise Unsupported(f"{description.name}: there is no program {word!r} {where}")
-    return found
+    return path
 
 
 class Renderer(ImageRenderer):
@@ -147,11 +146,11 @@ class Renderer(ImageRenderer):
         self._process.stopped = False
         if self.stopped.is_set():  # the line above would undo a stop that came before it
             return None
-        found = self._run(spp, derive_seed(seed, offset))
-        if found is None:
+        rendered = self._run(spp, derive_seed(seed, offset))
+        if rendered is None:
             return None
-        self._told += found[1]
-        return found[0]
+        self._told += rendered[1]
+        return rendered[0]
 
     def interrupt(self) -> None:
         self._process.stop()

@@ -5,7 +5,8 @@ from __future__ import annotations
 import gc
 import threading
 import weakref
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import cached_property
 from typing import Any
 
@@ -44,8 +45,8 @@ class Engine:
     def __getattr__(self, name: str) -> Any:
         if name == "local":  # before it is set
             raise AttributeError(name)
-        found = getattr(self.local, name)
-        return {"why_not_tracer": self._why_not_tracer, "tracer": self._tracer}.get(name, found)
+        attribute = getattr(self.local, name)
+        return {"why_not_tracer": self._why_not_tracer, "tracer": self._tracer}.get(name, attribute)
 
     @cached_property
     def version(self) -> str:
@@ -190,8 +191,14 @@ class _Processes:
         if not kept:
             process.end()
 
-    def lent(self) -> _Lent:
-        return _Lent(self)
+    @contextmanager
+    def lent(self) -> Iterator[Process]:
+        """A process for the time of a `with`."""
+        process = self.take()
+        try:
+            yield process
+        finally:
+            self.give_back(process)
 
     def drop(self, process: Process) -> None:
         """Takes a process back whose renderer is gone."""
@@ -205,19 +212,6 @@ class _Processes:
             idle, self._idle, self._most = self._idle, [], 0
         for process in idle:
             process.end()
-
-
-class _Lent:
-    """A process for the time of a `with`."""
-
-    def __init__(self, processes: _Processes) -> None:
-        self._processes, self._process = processes, processes.take()
-
-    def __enter__(self) -> Process:
-        return self._process
-
-    def __exit__(self, *_: object) -> None:
-        self._processes.give_back(self._process)
 
 
 __all__ = ["Engine", "Renderer"]

@@ -85,9 +85,9 @@ def block_of(film: Any, last: Block | None) -> Block:
     height, width = _shape(parts[0])
     if block is None or (block.width, block.height) != (width, height):
         block = last if last and (last.width, last.height) == (width, height) else Block(width, height)
-    for part, found, shared in zip(PARTS, parts, block.arrays(), strict=True):
-        if not _same(found, shared):
-            _copy(part, found, shared)
+    for part, own, shared in zip(PARTS, parts, block.arrays(), strict=True):
+        if not _same(own, shared):
+            _copy(part, own, shared)
     return block
 
 
@@ -98,14 +98,14 @@ def _shape(sums: Any) -> tuple[int, int]:
     return shape[0], shape[1]
 
 
-def _copy(part: str, found: Any, shared: Any) -> None:
-    found = np.asarray(found)
-    if found.shape != shared.shape or not np.can_cast(found.dtype, shared.dtype, "same_kind"):
+def _copy(part: str, own: Any, shared: Any) -> None:
+    own = np.asarray(own)
+    if own.shape != shared.shape or not np.can_cast(own.dtype, shared.dtype, "same_kind"):
         raise RendererFailed(
-            f"the engine's film.{part} is of shape {found.shape} and dtype {found.dtype}: "
+            f"the engine's film.{part} is of shape {own.shape} and dtype {own.dtype}: "
             f"{shared.shape} and {shared.dtype} are expected"
         )
-    shared[...] = found
+    shared[...] = own
 
 
 def film_in(block: Block) -> Film:

@@ -7,18 +7,22 @@ from __future__ import annotations
 
 import builtins
 import gc
+import hashlib
 import os
+import platform
 import sys
 import threading
 import time
 import traceback
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from importlib import metadata
 from typing import Any
+
+import numpy as np
 
 from engines import errors
 from engines.film import allocated_by
 from engines.peers.isolated import films
-from engines.peers.isolated.environment import described
 from engines.peers.isolated.messages import Done, Failed, FilmReady, Request
 from engines.processes import Channel, Closed, pickled
 from engines.registry import make
@@ -89,7 +93,7 @@ class Server:
         return str(self._engine.version)
 
     def _call_environment(self) -> dict[str, str]:
-        return described(getattr(self._engine, "packages", None))
+        return environment(getattr(self._engine, "packages", None))
 
     def _call_scene(self, scene: Any) -> None:
         self._scene = scene
@@ -164,6 +168,34 @@ def _send_failure(channel: Channel, error: BaseException) -> None:
         return
     except Exception:
         pickled.send(channel, Failed(errors.RendererFailed(f"{kind.__name__}: (it cannot be sent)"), text))
+
+
+def environment(packages: Iterable[str] | None) -> dict[str, str]:
+    """What this environment holds that may change an engine's images or speed.
+
+    Versions of Python, NumPy and `packages` by name, and under "files" a hash of what was installed of `packages`, or of all
+    packages: two builds of a package may have one version.
+    """
+    if packages is None:
+        installed = sorted(metadata.distributions(), key=_name)
+    else:
+        installed = [package for name in sorted(packages) for package in metadata.distributions(name=name)]
+    total = hashlib.sha256()
+    for package in installed:
+        total.update(f"{_name(package)}=={package.version}\n{_record(package)}".encode())
+    named = {} if packages is None else {_name(package): package.version for package in installed}
+    return {"python": platform.python_version(), "numpy": np.__version__, **named, "files": total.hexdigest()[:16]}
+
+
+def _name(distribution: metadata.Distribution) -> str:
+    return distribution.metadata["Name"] or ""
+
+
+def _record(distribution: metadata.Distribution) -> str:
+    """The hashes that the installer wrote, but for scripts, which name the environment's folder, and compiled Python."""
+    lines = (distribution.read_text("RECORD") or "").splitlines()
+    kept = (line for line in lines if not line.startswith("..") and ".pyc," not in line and ".dist-info/" not in line)
+    return "\n".join(sorted(kept))
 
 
 def serve(descriptors: Sequence[int], arguments: Sequence[str]) -> None:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from engines.interface import Settings
 from engines.peers.adapters import camera_frame, cylinder_mesh, disk_mesh, extent, flat_meshes, sphere_mesh, squares
+from engines.peers.adapters.geometry import placed_uvs
 from engines.peers.luxcore.materials import Properties, material_properties, texture_of
 from engines.scene import (
     Cylinder,
@@ -63,7 +64,7 @@ def shapes(scene: Scene) -> Iterator[Shape]:
     for mesh in flat_meshes(scene, gap=GAP * size):
         uvs, texture = mesh.uvs, texture_of(scene.materials[mesh.material])
         if texture is not None and uvs is not None:
-            uvs = np.column_stack([uvs, np.ones(len(uvs))]) @ np.reshape(texture.to_uv, (2, 3)).T
+            uvs = placed_uvs(uvs, texture)
         yield Shape(mesh.name, mesh.material, mesh.name, mesh.vertices, mesh.faces, mesh.normals, uvs)
     unit_sphere = None
     for index, shape in enumerate(scene.shapes):
@@ -97,18 +98,18 @@ def images(scene: Scene) -> Iterator[tuple[str, NDArray[np.float32]]]:
 
 def properties(scene: Scene, settings: Settings) -> Properties:
     """Camera, textures, materials and lights."""
-    found = {f"camera.{key}": value for key, value in _camera(scene, settings).items()}
+    named = {f"camera.{key}": value for key, value in _camera(scene, settings).items()}
     for name, _ in images(scene):
         texture = {"type": "imagemap", "file": name, "gamma": 1.0, "gain": 1.0, "mapping.type": "uvmapping2d"}
-        found |= {f"textures.{name.removesuffix('image')}map.{key}": value for key, value in texture.items()}
+        named |= {f"textures.{name.removesuffix('image')}map.{key}": value for key, value in texture.items()}
     uniform = settings.shader.options["light_sampler"] == "uniform"
     importance = importances(scene) if uniform else np.ones(len(scene.materials))
     for index, material in enumerate(scene.materials):
         described = material_properties(f"m{index}", material, float(importance[index]))
-        found |= {f"materials.{key}": value for key, value in described.items()}
+        named |= {f"materials.{key}": value for key, value in described.items()}
     for index, light in enumerate(scene.lights):
-        found |= {f"lights.l{index}.{key}": value for key, value in _light(light).items()}
-    return {f"scene.{key}": value for key, value in found.items()}
+        named |= {f"lights.l{index}.{key}": value for key, value in _light(light).items()}
+    return {f"scene.{key}": value for key, value in named.items()}
 
 
 def importances(scene: Scene) -> Array:

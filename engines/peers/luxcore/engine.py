@@ -5,7 +5,8 @@ from __future__ import annotations
 from engines.interface import Settings
 from engines.packages import install_extra
 from engines.peers.adapters import MEANS_ALONE, PLAIN_PATHS, AdapterEngine, version_with
-from engines.peers.luxcore.materials import material_lacks, texture_of
+from engines.peers.adapters.lacks import textures_lack
+from engines.peers.luxcore.materials import material_lacks
 from engines.peers.luxcore.renderer import Renderer
 from engines.scene import (
     Conductor,
@@ -86,13 +87,13 @@ class Engine(AdapterEngine):
         if options["rr_depth"] < options["max_depth"]:
             return "LuxCore's Russian roulette is biased, it brightens images: rr_depth must be max_depth or more"
         for material in scene.materials:
-            if found := material_lacks(material):
-                return f"material {material.name!r}: LuxCore has no exact counterpart of {found}"
+            if lacking := material_lacks(material):
+                return f"material {material.name!r}: LuxCore has no exact counterpart of {lacking}"
         if any(isinstance(light, EnvironmentLight) and light.image is not None for light in scene.lights):
             return "LuxCore's environments of images are not translated"
+        if lacks := textures_lack(scene):
+            return lacks
         for shape in scene.shapes:
-            if not isinstance(shape, (Triangle, Mesh)) and texture_of(material := scene.materials[shape.material]):
-                return f"material {material.name!r}: textures are translated on meshes, not on a {type(shape).__name__}"
             if not isinstance(shape, (Triangle, Mesh)) and scene.materials[shape.material].emits:
                 return f"LuxCore has area lights of triangles only, not of the kind {type(shape).__name__}"
         return None

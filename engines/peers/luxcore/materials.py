@@ -14,8 +14,8 @@ Properties = dict[str, Any]
 
 def texture_of(material: Material) -> ImageTexture | None:
     """The image on a diffuse material, or None."""
-    found = next(textures(material.as_bsdf), None)
-    return found if isinstance(found, ImageTexture) else None
+    texture = next(textures(material.as_bsdf), None)
+    return texture if isinstance(texture, ImageTexture) else None
 
 
 def _texture_lacks(material: Material, texture: ImageTexture) -> str | None:
@@ -45,14 +45,14 @@ def material_lacks(material: Material) -> str | None:
 def material_properties(name: str, material: Material, importance: float) -> Properties:
     """The material called `name`, emission included, and before it what it is made of; `importance` of an emitting triangle."""
     bsdf = material.as_bsdf
-    found: Properties = {}
+    named: Properties = {}
     if texture_of(material) is not None:
         whole: Properties = {"type": "matte", "kd": f"{name}_map"}
     elif isinstance(bsdf, Mixture) and BLACK not in (bsdf.kd, bsdf.ks):
         kd, ks, share = _rgb(bsdf.kd), _rgb(bsdf.ks), mirror_share(bsdf)
         lobes = {"diffuse": ("matte", "kd", kd, 1.0 - share), "mirror": ("mirror", "kr", ks, share)}
         for part, (kind, key, color, weight) in lobes.items():
-            found |= {f"{name}_{part}.type": kind, f"{name}_{part}.{key}": [value / weight for value in color]}
+            named |= {f"{name}_{part}.type": kind, f"{name}_{part}.{key}": [value / weight for value in color]}
         whole = {"type": "mix", "material1": f"{name}_diffuse", "material2": f"{name}_mirror", "amount": share}
     else:
         whole = _model(bsdf)
@@ -63,7 +63,7 @@ def material_properties(name: str, material: Material, importance: float) -> Pro
             "emission.importance": importance,
             "emission.directlightsampling.type": "ENABLED",  # left to itself it stops at many triangles
         }
-    return found | {f"{name}.{key}": value for key, value in whole.items()}
+    return named | {f"{name}.{key}": value for key, value in whole.items()}
 
 
 def _model(bsdf: Bsdf) -> Properties:

@@ -27,10 +27,10 @@ def library() -> Any:
     """The module pyluxcore, silent."""
     if not _loaded:
         with contextlib.redirect_stdout(io.StringIO()):  # it tells what it finds
-            found = importlib.import_module("pyluxcore")
-            found.Init(lambda message: None)
-        atexit.register(found.SetLogHandler, None)  # it logs while Python ends, which aborts
-        _loaded.append(found)
+            module = importlib.import_module("pyluxcore")
+            module.Init(lambda message: None)
+        atexit.register(module.SetLogHandler, None)  # it logs while Python ends, which aborts
+        _loaded.append(module)
     return _loaded[0]
 
 
@@ -136,7 +136,7 @@ def _tuples(rows: Any) -> list[tuple[Any, ...]]:
 
 
 def _properties(lux: Any, given: Properties) -> Any:
-    found = lux.Properties()
+    properties = lux.Properties()
     for key, value in given.items():
-        found.Set(lux.Property(key, value if isinstance(value, list) else [value]))
-    return found
+        properties.Set(lux.Property(key, value if isinstance(value, list) else [value]))
+    return properties

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -66,20 +67,22 @@ def _shown(bsdf: Bsdf, material: Material) -> Bsdf:
 
 def _colors(part: Bsdf) -> tuple[Color, ...]:
     """The colours of a model, of which the first that is not black counts."""
-    if isinstance(part, Mixture):
-        return part.kd, part.ks, part.kt
     if isinstance(part, Conductor):
         eta, k = np.array(part.eta), np.array(part.k)
         return (scaled(part.reflectance, ((eta - 1.0) ** 2 + k**2) / ((eta + 1.0) ** 2 + k**2)),)
-    if isinstance(part, Diffuse):
-        return (part.reflectance,)
-    if isinstance(part, (Dielectric, ThinDielectric)):
-        return (part.transmittance,)
-    if isinstance(part, Plastic):
-        return (part.diffuse,)
-    if isinstance(part, Principled):
-        return (part.base_color,)
-    return (WHITE,) if isinstance(part, Null) else ()
+    if isinstance(part, Null):
+        return (WHITE,)
+    return tuple(getattr(part, name) for name in COLORS.get(type(part), ()))
+
+
+COLORS: Mapping[type, tuple[str, ...]] = {
+    Mixture: ("kd", "ks", "kt"),
+    Diffuse: ("reflectance",),
+    Dielectric: ("transmittance",),
+    ThinDielectric: ("transmittance",),
+    Plastic: ("diffuse",),
+    Principled: ("base_color",),
+}
 
 
 def _divided(bsdf: Bsdf, scale: float) -> Bsdf:

@@ -28,8 +28,8 @@ def exact(node: Any) -> Any:
     """The nodes, with every blend of smooth and specular lobes by the plugin that `register` makes known."""
     if not isinstance(node, dict):
         return node
-    found = {key: exact(value) for key, value in node.items()}
-    return {**found, "type": NAME} if node.get("type") == "blendbsdf" and len(_kinds(node)) == 2 else found
+    inner = {key: exact(value) for key, value in node.items()}
+    return {**inner, "type": NAME} if node.get("type") == "blendbsdf" and len(_kinds(node)) == 2 else inner
 
 
 def register(mi: Any, dr: Any) -> None:
@@ -54,15 +54,15 @@ def register(mi: Any, dr: Any) -> None:
             first, second = self.shares(si, active)
             taken = sample1 < second  # strictly: of a share of 0 nothing is taken
             numbers = (sample1 - second) / first, sample1 / second
-            found, value = self.parts[0].sample(ctx, si, numbers[0], sample2, active & (sample1 >= second))
+            drawn, value = self.parts[0].sample(ctx, si, numbers[0], sample2, active & (sample1 >= second))
             other, its_value = self.parts[1].sample(ctx, si, numbers[1], sample2, active & taken)
-            found = dr.select(taken, other, found)
+            drawn = dr.select(taken, other, drawn)
             value = dr.select(taken, its_value, value)
-            smooth = active & mi.has_flag(found.sampled_type, mi.BSDFFlags.Smooth)
-            both, pdf = self.eval_pdf(ctx, si, found.wo, smooth)
-            found.pdf = dr.select(smooth, pdf, found.pdf * dr.select(taken, second, first))
+            smooth = active & mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Smooth)
+            both, pdf = self.eval_pdf(ctx, si, drawn.wo, smooth)
+            drawn.pdf = dr.select(smooth, pdf, drawn.pdf * dr.select(taken, second, first))
             value = dr.select(smooth & (pdf > 0.0), both / pdf, value)
-            return found, dr.select(active, value, 0.0)
+            return drawn, dr.select(active, value, 0.0)
 
         def eval(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
             return self.eval_pdf(ctx, si, wo, active)[0]

@@ -32,10 +32,10 @@ DARK = Diffuse(BLACK)
 def material_lacks(material: Material) -> str | None:
     """What Mitsuba does not support of a material, or None."""
     bsdf = material.as_bsdf
-    found = next(filter(None, map(_lacks, members(bsdf))), None)
-    if found is None and material.emits and material.two_sided:
-        found = _two_surfaces_lack(bsdf)
-    return found
+    lacking = next(filter(None, map(_lacks, members(bsdf))), None)
+    if lacking is None and material.emits and material.two_sided:
+        lacking = _two_surfaces_lack(bsdf)
+    return lacking
 
 
 def _lacks(part: Bsdf) -> str | None:

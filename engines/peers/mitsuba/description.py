@@ -34,13 +34,13 @@ def described(scene: Scene, placing: Placing, robust: bool = True) -> Descriptio
     """Materials, shapes and lights; the caller adds the sensor and the integrator. `scene_lacks` must have agreed."""
     textures = Textures(placing)
     materials = {f"material_{index}": bsdf_node(material.as_bsdf, textures) for index, material in enumerate(scene.materials)}
-    found = tuple(parts(scene, placing, textures))
+    all_parts = tuple(parts(scene, placing, textures))
     nodes: Node = {"type": "scene", "embree_use_robust_intersections": robust, **textures.nodes, **materials}
-    for index, part in enumerate(found):
+    for index, part in enumerate(all_parts):
         nodes[f"shape_{index}"] = part.node
     for index, light in enumerate(scene.lights):
         nodes[f"light_{index}"] = light_node(light, placing)
-    return Description(nodes, found)
+    return Description(nodes, all_parts)
 
 
 KNOWN: frozenset[type] = frozenset({*CAMERAS, *SHAPES, *LIGHTS, *MODELS, *WRAPPERS, ImageTexture, Checkerboard})

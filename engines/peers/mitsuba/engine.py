@@ -9,6 +9,7 @@ from engines.choices import SAMPLERS as KNOWN_SAMPLERS
 from engines.choices import SHADERS, Choice, OpenOptions, Option, integer, one_of
 from engines.errors import Unsupported, why_unsupported
 from engines.interface import FullPattern, Renderer, Settings
+from engines.peers.adapters import version_with
 from engines.peers.mitsuba import blends, library
 from engines.peers.mitsuba.albedo import albedo_lacks
 from engines.peers.mitsuba.bsdfs import bsdf_node
@@ -69,7 +70,7 @@ class Engine:
 
     @property
     def version(self) -> str:
-        return f"3+{library.version()}"
+        return version_with("mitsuba", "3")
 
     def accelerators(self) -> Mapping[str, Mapping[str, Option]]:
         return ACCELERATORS
@@ -91,9 +92,9 @@ class Engine:
 
     def prepare(self, scene: Scene, settings: Settings) -> Renderer:
         chosen = self._supported(scene, settings)
-        from engines.peers.mitsuba.renderer import renderer
+        from engines.peers.mitsuba import renderer
 
-        return renderer(scene, chosen, self.variant)
+        return renderer.Renderer(scene, chosen, self.variant)
 
     def _supported(self, scene: Scene, settings: Settings) -> Settings:
         """The settings with every choice resolved; raises `Unsupported` for what is lacking."""

@@ -11,7 +11,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from importlib import metadata, util
+from importlib import util
 from typing import Any
 
 from engines.errors import Unsupported
@@ -46,8 +46,8 @@ def lacking(variant: str) -> str | None:
         return None
     if not drjit.has_backend(drjit.JitBackend.LLVM):
         return llvm.lacking(llvm.why_unloadable(path))
-    found = drjit.detail.llvm_version()
-    return llvm.lacking(f"Dr.Jit has loaded {'.'.join(map(str, found))}") if found[0] < llvm.OLDEST else None
+    loaded = drjit.detail.llvm_version()
+    return llvm.lacking(f"Dr.Jit has loaded {'.'.join(map(str, loaded))}") if loaded[0] < llvm.OLDEST else None
 
 
 def _drjit() -> Any:
@@ -62,14 +62,6 @@ def modules() -> tuple[Any, Any]:
     """The modules `mitsuba` and `drjit`. Raises `ImportError`."""
     drjit = _drjit()
     return importlib.import_module("mitsuba"), drjit
-
-
-def version() -> str:
-    """The version of the package, without importing it."""
-    try:
-        return metadata.version("mitsuba")
-    except metadata.PackageNotFoundError:
-        return "none"
 
 
 def activate(variant: str, threads: int) -> tuple[Any, Any]:

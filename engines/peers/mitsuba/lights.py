@@ -13,6 +13,7 @@ from engines.scene.frames import facing
 
 
 def light_node(light: Light, placing: Placing) -> Node:
+    """A light of the scene's list, of a type in `LIGHTS`; images of skies go where `placing` says."""
     return LIGHTS[type(light)](light, placing)
 
 

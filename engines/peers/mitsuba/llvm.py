@@ -90,12 +90,12 @@ def chosen() -> Iterator[None]:
 @cache
 def _system(library_path: str, program_path: str) -> tuple[int, str | None]:
     """Version and path of the newest library that the loader finds: (0, None) without one."""
-    found = [str(file) for folder in filter(None, library_path.split(":")) for file in Path(folder).glob("libLLVM*.so*")]
+    libraries = [str(file) for folder in filter(None, library_path.split(":")) for file in Path(folder).glob("libLLVM*.so*")]
     ldconfig = shutil.which("ldconfig", path=f"{program_path}:/sbin:/usr/sbin")
     if ldconfig:
         listed = subprocess.run([ldconfig, "-p"], capture_output=True, text=True, check=False).stdout
-        found += [path for _, path in _CACHED.findall(listed)]
-    return max(((_version(path), path) for path in found), default=(0, None), key=lambda one: one[0])
+        libraries += [path for _, path in _CACHED.findall(listed)]
+    return max(((_version(path), path) for path in libraries), default=(0, None), key=lambda one: one[0])
 
 
 def _version(path: str) -> int:
@@ -109,8 +109,8 @@ def _of_wheel() -> str | None:
         files = metadata.files(WHEEL) or []
     except metadata.PackageNotFoundError:
         return None
-    found = (Path(str(file.locate())).resolve() for file in files if _VERSION.fullmatch(file.name.rpartition(".")[0]))
-    return next((str(path) for path in found if path.is_file()), None)
+    libraries = (Path(str(file.locate())).resolve() for file in files if _VERSION.fullmatch(file.name.rpartition(".")[0]))
+    return next((str(path) for path in libraries if path.is_file()), None)
 
 
 __all__ = ["OLDEST", "VARIABLE", "WHEEL", "chosen", "find", "lacking", "why_unloadable"]

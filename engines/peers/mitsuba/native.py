@@ -128,9 +128,9 @@ def _place_files(held: Native, state: Any, read: Any, looking: Any) -> None:
 
 
 def _same(path: Path, known: frozenset[Path]) -> Path:
-    if (found := path.resolve()) not in known:
+    if (file := path.resolve()) not in known:
         raise RuntimeError(f"Mitsuba takes {path}, which is none of the files that raybench has found")
-    return found
+    return file
 
 
 _answers: dict[str, str | None] = {}
@@ -170,5 +170,6 @@ def require_integrator(options: Any) -> bool:
 
 
 def one_line(problem: BaseException) -> str:
+    """The message of an error of Mitsuba's without places in its own code, in one line of at most `MOST_SHOWN` characters."""
     text = " ".join(_NOISE.sub("", str(problem)).split())
     return text if len(text) <= MOST_SHOWN else f"{text[:MOST_SHOWN]}..."

@@ -25,4 +25,5 @@ class Placing:
 
 
 def rgb(values: Any) -> Node:
+    """A colour, three numbers of linear RGB."""
     return {"type": "rgb", "value": [float(value) for value in values]}

@@ -55,4 +55,4 @@ ROUNDED: dict[str, Callable[[int], int]] = {
     "multijitter": _rectangle,
     "orthogonal": _square_of_a_prime,
 }
-"""Samples in a pattern for a wanted count. Mitsuba's `stratified` takes any square, raybench's `strata` a power of four."""
+"""Samples in a pattern for a requested count. Mitsuba's `stratified` takes any square, raybench's `strata` a power of four."""

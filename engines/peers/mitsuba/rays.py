@@ -50,14 +50,14 @@ def trace(stage: Stage, rays: Rays) -> Hits:
     t, place, index, normal, uv = (_each if stage.mi.variant() == SCALAR else _all)(stage, rays)
     n = rays.n
     hits = Hits(np.full(n, np.inf), np.full(n, -1), np.full(n, -1), np.zeros((n, 3)), np.zeros(n), np.zeros(n))
-    found = np.flatnonzero(np.isfinite(t))
-    lanes = rays.good[found]
-    hits.t[lanes] = t[found] / rays.length[found]
+    hit = np.flatnonzero(np.isfinite(t))
+    lanes = rays.good[hit]
+    hits.t[lanes] = t[hit] / rays.length[hit]
     away = (normal * rays.direction).sum(axis=1) > 0.0
-    hits.normal[lanes] = np.where(away[:, None], -normal, normal)[found]
-    for number in np.unique(place[found]):
+    hits.normal[lanes] = np.where(away[:, None], -normal, normal)[hit]
+    for number in np.unique(place[hit]):
         part = stage.parts[stage.places[number]]
-        chosen = found[place[found] == number]
+        chosen = hit[place[hit] == number]
         lanes, triangles = rays.good[chosen], isinstance(stage.scene.shapes[part.shape], (Mesh, Triangle))
         hits.shape[lanes] = part.shape
         hits.primitive[lanes] = part.primitives[index[chosen]] if triangles else part.primitives[0]
@@ -70,10 +70,10 @@ def occluded(stage: Stage, rays: Rays) -> NDArray[np.bool_]:
     """Whether anything lies in (0, t_max); see `engines.interface.Renderer`."""
     dark = np.zeros(rays.n, bool)
     if stage.mi.variant() == SCALAR:
-        found: Any = [stage.loaded.ray_test(ray) for ray in _rays_one_by_one(stage, rays)]
+        blocked: Any = [stage.loaded.ray_test(ray) for ray in _rays_one_by_one(stage, rays)]
     else:
-        found = stage.loaded.ray_test(_rays_at_once(stage, rays)).numpy() if len(rays.good) else []
-    dark[rays.good] = found
+        blocked = stage.loaded.ray_test(_rays_at_once(stage, rays)).numpy() if len(rays.good) else []
+    dark[rays.good] = blocked
     return dark
 
 
@@ -96,18 +96,18 @@ def _all(stage: Stage, rays: Rays) -> tuple[Array, ...]:
     if count == 0 or not len(stage.places):
         return _nothing(count)
     ray = _rays_at_once(stage, rays)
-    found = stage.loaded.ray_intersect_preliminary(ray)
-    si = found.compute_surface_interaction(ray)
-    number = dr.reinterpret_array(mi.UInt32, found.shape).numpy()
+    preliminary = stage.loaded.ray_intersect_preliminary(ray)
+    si = preliminary.compute_surface_interaction(ray)
+    number = dr.reinterpret_array(mi.UInt32, preliminary.shape).numpy()
     known = [int(dr.reinterpret_array(mi.UInt32, mi.ShapePtr(shape))[0]) for shape in stage.loaded.shapes()]
     place_of = np.zeros(max(known) + 1, np.int64)
     place_of[known] = np.arange(len(known))
-    t = _wide(found.t.numpy(), count)
+    t = _wide(preliminary.t.numpy(), count)
     hit = np.isfinite(t)
     place = place_of[np.where(hit, _wide(number, count), known[0])]
     normal = np.stack([_wide(si.n[k].numpy(), count) for k in range(3)], axis=1)
-    uv = np.stack([_wide(found.prim_uv[k].numpy(), count) for k in range(2)], axis=1)
-    return t, place, _wide(found.prim_index.numpy(), count).astype(np.int64), normal, uv
+    uv = np.stack([_wide(preliminary.prim_uv[k].numpy(), count) for k in range(2)], axis=1)
+    return t, place, _wide(preliminary.prim_index.numpy(), count).astype(np.int64), normal, uv
 
 
 def _wide(values: Array, count: int) -> Array:
@@ -121,13 +121,13 @@ def _each(stage: Stage, rays: Rays) -> tuple[Array, ...]:
     number = {id(shape): place for place, shape in enumerate(stage.loaded.shapes())}
     by_name = {shape.id(): place for place, shape in enumerate(stage.loaded.shapes())}
     for k, ray in enumerate(_rays_one_by_one(stage, rays)):
-        found = stage.loaded.ray_intersect_preliminary(ray)
-        if not found.is_valid():
+        preliminary = stage.loaded.ray_intersect_preliminary(ray)
+        if not preliminary.is_valid():
             continue
-        si = found.compute_surface_interaction(ray)
-        t[k], index[k] = found.t, found.prim_index
-        place[k] = number.get(id(found.shape), by_name[found.shape.id()])
-        normal[k], uv[k] = np.array(si.n).ravel(), np.array(found.prim_uv).ravel()
+        si = preliminary.compute_surface_interaction(ray)
+        t[k], index[k] = preliminary.t, preliminary.prim_index
+        place[k] = number.get(id(preliminary.shape), by_name[preliminary.shape.id()])
+        normal[k], uv[k] = np.array(si.n).ravel(), np.array(preliminary.prim_uv).ravel()
     return t, place, index, normal, uv
 
 

@@ -120,8 +120,3 @@ class Renderer:
 
     def _active(self) -> AbstractContextManager[None]:
         return active(self._variant, self.settings.threads)
-
-
-def renderer(scene: Scene, settings: Settings, variant: str) -> Renderer:
-    """A renderer of settings that `Engine.prepare` has resolved."""
-    return Renderer(scene, settings, variant)

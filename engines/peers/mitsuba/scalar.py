@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from engines.film import Film
 from engines.peers.mitsuba.native import integrator_node
-from engines.peers.mitsuba.seeds import seed_of
 from engines.peers.mitsuba.shaders import path_node
 from engines.peers.mitsuba.stage import Stage, far_corner
+from engines.peers.mitsuba.streams import seed_of
 
 BLOCK = 16
 """Pixels a side of Mitsuba's blocks. Fixed: its seeds depend on the block, and by default the block on the threads."""

@@ -38,6 +38,7 @@ class Stage(NamedTuple):
 
     @property
     def camera(self) -> Any:
+        """Mitsuba's sensor."""
         return self.loaded.sensors()[0]
 
 

@@ -1,4 +1,4 @@
-"""Independent random numbers for Mitsuba, a stream of its own for every sample of every pixel.
+"""Random numbers for Mitsuba: seeds of 32 bits, and a stream of its own for every sample of every pixel.
 
 Mitsuba's sampler `independent` seeds a PCG32 stream (O'Neill 2014) for each lane of a launch from the lane's number, so that
 its samples depend on how many a launch takes. Here the same generator is seeded, by the same cipher (the Tiny Encryption
@@ -8,6 +8,22 @@ Algorithm), from the pixel and the index of the sample: samples may then be spli
 from __future__ import annotations
 
 from typing import Any
+
+_MASK = 0xFFFFFFFF
+
+
+def seed_of(seed: int, part: int) -> int:
+    """The 32-bit seed of the `part`-th pass or pattern of a render under the 64-bit `seed`: another one for each."""
+    return _mix((_mix((_mix(seed & _MASK) + (seed >> 32)) & _MASK) + part * 0x9E3779B9) & _MASK)
+
+
+def _mix(x: int) -> int:
+    """Wellons' lowbias32."""
+    x ^= x >> 16
+    x = (x * 0x7FEB352D) & _MASK
+    x ^= x >> 15
+    x = (x * 0x846CA68B) & _MASK
+    return x ^ (x >> 16)
 
 
 def stream_sampler(mi: Any, dr: Any, seed: int, pixel: Any, index: Any) -> Any:

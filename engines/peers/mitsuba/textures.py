@@ -20,9 +20,11 @@ class Textures:
         self._names: dict[Any, tuple[str, Texture]] = {}  # with the texture: an id is its own while it lives
 
     def color(self, value: Color) -> Node:
+        """A colour, or a reference to the texture."""
         return self._named(value, "color") if isinstance(value, Texture) else rgb(value)
 
     def number(self, value: Number) -> float | Node:
+        """A number, or a reference to the texture, of which the luminance counts."""
         return self._named(value, "number") if isinstance(value, Texture) else float(value)  # type: ignore[arg-type]
 
     def vector(self, value: ImageTexture) -> Node:
@@ -45,10 +47,10 @@ class Textures:
             a, b = (rgb(texture.a), rgb(texture.b)) if kind == "color" else map(luminance, (texture.b, texture.a))
             # read as numbers, Mitsuba's checkerboard exchanges its colours
             return {"type": "checkerboard", "color0": a, "color1": b, "to_uv": matrix}
-        found = self._placing.image(name, pixels(texture, kind))
+        placed = self._placing.image(name, pixels(texture, kind))
         return {
             "type": "bitmap",
-            **found,
+            **placed,
             "raw": True,
             "format": "variant",
             "filter_type": texture.filter,
@@ -59,11 +61,11 @@ class Textures:
 
 def pixels(texture: ImageTexture, kind: str) -> Array:
     """At least 2 x 2 texels, as Mitsuba resamples smaller images; of a number their luminance, (h, w, 1)."""
-    found = texture.pixels
-    if kind == "number" and found.shape[2] == 3:
-        found = (found @ LUMINANCE)[..., None]
-    elif kind == "vector" and found.shape[2] == 1:
-        found = np.repeat(found, 3, axis=2)
+    texels = texture.pixels
+    if kind == "number" and texels.shape[2] == 3:
+        texels = (texels @ LUMINANCE)[..., None]
+    elif kind == "vector" and texels.shape[2] == 1:
+        texels = np.repeat(texels, 3, axis=2)
     for axis in (0, 1):
-        found = np.repeat(found, 2, axis=axis) if found.shape[axis] == 1 else found
-    return np.ascontiguousarray(found, np.float32)
+        texels = np.repeat(texels, 2, axis=axis) if texels.shape[axis] == 1 else texels
+    return np.ascontiguousarray(texels, np.float32)

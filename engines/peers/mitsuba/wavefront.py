@@ -15,10 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.film import Film
-from engines.peers.mitsuba.seeds import seed_of
 from engines.peers.mitsuba.shaders import SHADERS
 from engines.peers.mitsuba.stage import Stage
-from engines.peers.mitsuba.streams import stream_sampler
+from engines.peers.mitsuba.streams import seed_of, stream_sampler
 
 FIRST_LANES = 1 << 20
 """Of the first launch of independent samples; the others take about `LAUNCH_SECONDS`, or `RECORDINGS` times as long as
@@ -75,7 +74,7 @@ class Wavefront:
         return zeros
 
     def step(self, left: int, seen: bool) -> int:
-        """Samples per pixel for the next pass, of `left` wanted. `seen`: its film is shown, so that it should come soon."""
+        """Samples per pixel for the next pass, at most `left`. `seen`: its film is shown, so that it should come soon."""
         if self._pattern:
             place = self.done % self._pattern
             part = LANES_OF_A_VECTOR - place % LANES_OF_A_VECTOR if seen else self._pattern
@@ -83,11 +82,11 @@ class Wavefront:
         if seen:
             return 1
         pixels = self._bands[0].pixels
-        wanted = FIRST_LANES // pixels
+        samples = FIRST_LANES // pixels
         if self._seconds_per_sample:
-            wanted = int(max(LAUNCH_SECONDS, RECORDINGS * self._recording_seconds) / self._seconds_per_sample)
-        wanted = max(1, min(wanted, MOST_LANES // pixels))
-        return left if left <= wanted * 3 // 2 else wanted
+            samples = int(max(LAUNCH_SECONDS, RECORDINGS * self._recording_seconds) / self._seconds_per_sample)
+        samples = max(1, min(samples, MOST_LANES // pixels))
+        return left if left <= samples * 3 // 2 else samples
 
     def compile(self) -> None:
         """Compiles the kernels of `render`, by two samples of a few pixels."""
@@ -130,15 +129,15 @@ class Wavefront:
         recorded = perf_counter() - wall
         dr.eval(colour)
         again = perf_counter()
-        found = self._added(sums, colour, lanes, place, first, count)
+        added = self._added(sums, colour, lanes, place, first, count)
         recorded += perf_counter() - again
-        dr.eval(*found)
+        dr.eval(*added)
         dr.sync_thread()
         wall, processor = perf_counter() - wall, process_time() - processor
         self._recording_seconds = recorded
         # other processes stretch the wall clock, and launches should not be shorter for it
         self._seconds_per_sample = max(1e-9, min(wall, processor / self._stage.settings.threads) / count)
-        return found
+        return added
 
     def _traced(self, band: Band, first: int, count: int) -> tuple[Any, int, int]:
         """The radiance of samples, `lanes` a pixel, and of which lane is the first: (colour, lanes, place)."""
@@ -201,9 +200,9 @@ class Wavefront:
             return index < end
 
         def step(index: Any, sums: Any, squares: Any, evens: Any, bad: Any) -> Any:
-            found = dr.gather(mi.Color3f, colour, begin + index)
-            good = dr.all(dr.isfinite(found))
-            sample = mi.Vector3d(dr.select(good, found, 0.0))
+            radiance = dr.gather(mi.Color3f, colour, begin + index)
+            good = dr.all(dr.isfinite(radiance))
+            sample = mi.Vector3d(dr.select(good, radiance, 0.0))
             even = dr.select(((index ^ parity) & 1) == 0, sample, 0.0)
             bad = bad + dr.select(good, mi.UInt32(0), 1)
             return index + 1, sums + sample, squares + sample * sample, evens + even, bad

@@ -92,13 +92,13 @@ class Tracer:
     def trace(self, origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike = np.inf) -> Hits:
         """Closest hits; see `engines.interface.Renderer`."""
         rays, good, far = _rays(origins, directions, t_max)
-        found = self._scene.cast_rays(self._tensor(rays), nthreads=self._threads)
-        t = found["t_hit"].numpy().astype(np.float64)
+        answer = self._scene.cast_rays(self._tensor(rays), nthreads=self._threads)
+        t = answer["t_hit"].numpy().astype(np.float64)
         miss = ~good | ~(t < far)
-        normal = found["primitive_normals"].numpy().astype(np.float64)
+        normal = answer["primitive_normals"].numpy().astype(np.float64)
         away = (normal * rays[:, 3:]).sum(axis=1, keepdims=True) > 0
-        uv = found["primitive_uvs"].numpy().astype(np.float64)
-        shape, primitive = (found[name].numpy().astype(np.int64) for name in ("geometry_ids", "primitive_ids"))
+        uv = answer["primitive_uvs"].numpy().astype(np.float64)
+        shape, primitive = (answer[name].numpy().astype(np.int64) for name in ("geometry_ids", "primitive_ids"))
         for array, nothing in ((t, np.inf), (shape, -1), (primitive, -1), (uv, 0.0)):
             array[miss] = nothing
         normal = np.where(miss[:, None], 0.0, np.where(away, -normal, normal))
@@ -117,8 +117,8 @@ class Tracer:
             if finite:
                 part[:, 3:] = (part[:, 3:] * far[chosen, None]).astype(np.float32)
             end = 1.0 if finite else np.inf
-            found = self._scene.test_occlusions(self._tensor(part), tfar=end, nthreads=self._threads)
-            dark[chosen] = found.numpy()
+            answer = self._scene.test_occlusions(self._tensor(part), tfar=end, nthreads=self._threads)
+            dark[chosen] = answer.numpy()
         return dark
 
     def counters(self) -> Mapping[str, float]:

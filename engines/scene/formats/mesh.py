@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from engines.errors import RaybenchError, SceneError
 from engines.input_files import open_regular, unreadable
 from engines.memory import lacking_memory
+from engines.scene.formats import FileMesh
 from engines.scene.formats.mtl import read_mtl
 from engines.scene.formats.obj import Polygons, parse_obj
 from engines.scene.formats.ply import parse_ply
@@ -32,6 +33,9 @@ from engines.schema.yaml_file import Located
 SUFFIXES = (".obj", ".ply", ".stl", ".serialized")
 BYTES_PER_FILE_BYTE = {".obj": 32, ".ply": 12, ".stl": 8, ".serialized": 2}
 """Memory at the height of reading, for each byte of a file."""
+NAMES = {".ply": "PLY", ".stl": "STL"}
+"""Of formats, where messages call them otherwise than files do."""
+NOT_FINITE = "has vertex normals that are infinite or not a number"
 MAX_LIBRARIES = 1000
 """MTL files of an OBJ."""
 
@@ -40,9 +44,13 @@ class At(Protocol):
     """Where a file is named: what messages begin with, and the error for the file."""
 
     @property
-    def where(self) -> str: ...
+    def where(self) -> str:
+        """The place, for the beginning of a message."""
+        ...
 
-    def refuse(self, wanted: str) -> RaybenchError: ...
+    def refuse(self, expected: str) -> RaybenchError:
+        """The error to raise: the place, the file's name and what is expected."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +60,6 @@ class MeshData:
     `materials`, or, of a PLY, as they stand there.
 
     Where vertices of the file have been split for normals or texture coordinates, `origins` (n,) are their indices there.
-    `flat` says that a file asks for flat shading.
     """
 
     vertices: NDArray[np.float64]
@@ -63,7 +70,6 @@ class MeshData:
     materials: list[Material] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     origins: NDArray[np.int64] | None = None
-    flat: bool = False
 
 
 def read_mesh(node: Located, context: Any, smooth: bool, uvs: bool, with_materials: bool, shape_index: int = 0) -> MeshData:
@@ -107,9 +113,37 @@ def read_mesh_file(
     if suffix == ".obj":
         return _obj_mesh(at, file, _obj(at, file), normals, uvs, flip_v)
     data = _content(at, file, suffix)
-    if suffix == ".serialized":
-        return _read_serialized(at, data, normals, uvs, shape_index)
-    return _read_ply(at, data, normals, uvs) if suffix == ".ply" else _read_stl(at, data)
+    try:
+        if suffix == ".serialized":
+            mesh = parse_serialized(data, shape_index, lambda needed: _check_memory(at, needed))
+        else:
+            mesh = (parse_ply if suffix == ".ply" else parse_stl)(data)
+    except (ValueError, struct.error) as problem:
+        raise at.refuse(f"is not a usable {NAMES.get(suffix, suffix[1:])} file: {problem}") from problem
+    return _checked(at, mesh, normals, uvs)
+
+
+def _checked(at: At, mesh: FileMesh, with_normals: bool, with_uvs: bool) -> MeshData:
+    """The mesh with normals of length 1. Raises what `at` refuses."""
+    vertices, faces, normals, uvs, materials, exact = mesh
+    if len(faces) == 0:
+        raise at.refuse("has no faces")
+    if ((faces < 0) | (faces >= len(vertices))).any():
+        raise at.refuse(f"has a face with a vertex outside [0, {len(vertices) - 1}]")
+    finite = np.isfinite(vertices).all(axis=1)
+    if not finite.all():
+        index = int(np.argmin(finite))
+        raise at.refuse(f"vertex {index} is {vertices[index].tolist()}: must be finite")
+    data = MeshData(vertices, faces.astype(np.int32))
+    if with_normals and normals is not None:
+        if not np.isfinite(normals).all():
+            raise at.refuse(NOT_FINITE)
+        kept = exact and np.allclose(np.linalg.norm(normals, axis=1), 1.0, 0.0, 1e-9)
+        data = replace(data, normals=normals if kept else unit_rows(normals))
+    if with_uvs and uvs is not None:
+        uvs, notes = _finite_uvs(at.where, uvs)
+        data = replace(data, uvs=uvs, warnings=notes)
+    return data if materials is None or len(materials) != len(faces) else replace(data, face_materials=materials)
 
 
 def _content(at: At, file: Path, suffix: str) -> bytes:
@@ -135,26 +169,26 @@ def _obj(at: At, file: Path) -> Polygons:
     data = _content(at, file, ".obj")
     if b"\0" in data:
         raise at.refuse("is not an OBJ file: it holds binary data")
-    return parse_obj(data.decode("latin-1"), lambda line, wanted: _at_line(at, file, line, wanted))
+    return parse_obj(data.decode("latin-1"), lambda line, expected: _at_line(at, file, line, expected))
 
 
-def _at_line(at: At, file: Path, line: int, wanted: str) -> SceneError:
-    return SceneError(f"{at.where}: {file}:{line}: {wanted}")
+def _at_line(at: At, file: Path, line: int, expected: str) -> SceneError:
+    return SceneError(f"{at.where}: {file}:{line}: {expected}")
 
 
 def _obj_mesh(at: At, file: Path, polygons: Polygons, normals: bool, uvs: bool, flip_v: bool) -> MeshData:
     """The mesh, in which each combination of a vertex, a normal and a texture coordinate that occurs is a vertex of its own."""
     data = MeshData(polygons.vertices, polygons.faces)
     if uvs and polygons.texture is not None:
-        found, corners = polygons.texture.read(lambda line, wanted: _at_line(at, file, line, wanted))
+        coordinates, corners = polygons.texture.read(lambda line, expected: _at_line(at, file, line, expected))
         if flip_v:
-            found[:-1, 1] = 1.0 - found[:-1, 1]
-        data, picked = _split(data, corners, len(found))
-        good, notes = _finite_uvs(file.name, found[picked])
+            coordinates[:-1, 1] = 1.0 - coordinates[:-1, 1]
+        data, picked = _split(data, corners, len(coordinates))
+        good, notes = _finite_uvs(file.name, coordinates[picked])
         data = replace(data, uvs=good, warnings=notes)
     if normals and polygons.face_normals is not None:
         if not np.isfinite(polygons.normals).all():
-            raise at.refuse("has vertex normals that are infinite or not a number")
+            raise at.refuse(NOT_FINITE)
         data, picked = _split(data, polygons.face_normals, len(polygons.normals))
         data = replace(data, normals=unit_rows(polygons.normals[picked]))
     return data
@@ -184,103 +218,29 @@ def _finite_uvs(name: str, uvs: NDArray[np.float64]) -> tuple[NDArray[np.float64
     return uvs, [f"{name}: {len(wrong)} texture coordinates are infinite or not a number: they are taken as (0, 0)"]
 
 
-def _read_serialized(at: At, data: bytes, normals: bool, uvs: bool, shape_index: int) -> MeshData:
-    try:
-        found = parse_serialized(data, shape_index, lambda needed: _check_memory(at, needed))
-    except (ValueError, struct.error) as problem:
-        raise at.refuse(f"is not a usable serialized file: {problem}") from problem
-    if len(found.faces) == 0:
-        raise at.refuse("has no faces")
-    kept = found.normals if normals else None, found.uvs if uvs else None
-    return _mesh_data(at, found.vertices, found.faces, *kept, found.face_normals)
-
-
-def _mesh_data(
-    at: At,
-    vertices: NDArray[np.float64],
-    faces: NDArray[Any],
-    normals: NDArray[np.float64] | None,
-    uvs: NDArray[np.float64] | None,
-    flat: bool = False,
-) -> MeshData:
-    """Checked. Raises what `at` refuses."""
-    faces = _triangles(at, faces, len(vertices))
-    _check_finite(at, vertices)
-    if normals is not None:
-        if not np.isfinite(normals).all():
-            raise at.refuse("has vertex normals that are infinite or not a number")
-        normals = unit_rows(normals)
-    notes: list[str] = []
-    if uvs is not None:
-        uvs, notes = _finite_uvs(at.where, uvs)
-    return MeshData(vertices, faces.astype(np.int32), normals, uvs, warnings=notes, flat=flat)
-
-
 def _obj_materials(node: Located, context: Any, file: Path, polygons: Polygons) -> tuple[list[Material], list[str]]:
     """The materials in the order of `polygons.material_names`, and what to warn about."""
     if not polygons.libraries:
         raise node.refuse("names no MTL file: name a material beside 'mesh'")
     if len(polygons.libraries) > MAX_LIBRARIES:
         raise node.refuse(f"names {len(polygons.libraries)} MTL files: at most {MAX_LIBRARIES} are read")
-    found: dict[str, Material] = {}
+    known: dict[str, Material] = {}
     notes: dict[str, list[str]] = {}
     files = dict.fromkeys(context.place.find(node, library, file.parent) for library in polygons.libraries)
     for path in files:
         materials, more = read_mtl(path, node, context)
-        found |= materials
+        known |= materials
         for name, note in more:
             notes.setdefault(name, []).append(note)
     for name in polygons.material_names:
         if name == "":
             raise node.refuse("has faces before its first usemtl: name a material beside 'mesh'")
-        if name not in found:
+        if name not in known:
             raise node.refuse(f"uses material {name!r}, which is not in {_listed(polygons.libraries)}")
     names = polygons.material_names
-    return [found[name] for name in names], [note for name in names for note in notes.get(name, ())]
+    return [known[name] for name in names], [note for name in names for note in notes.get(name, ())]
 
 
 def _listed(names: Sequence[str]) -> str:
     more = f" and {len(names) - 5} more" if len(names) > 5 else ""
     return ", ".join(names[:5]) + more
-
-
-def _read_ply(at: At, data: bytes, with_normals: bool, with_uvs: bool) -> MeshData:
-    try:
-        found = parse_ply(data)
-    except ValueError as problem:
-        raise at.refuse(f"is not a usable PLY file: {problem}") from problem
-    if len(found.faces) == 0:
-        raise at.refuse("has no faces")
-    normals = found.normals if with_normals else None
-    made = _mesh_data(at, found.vertices, found.faces, normals, found.uvs if with_uvs else None)
-    if found.exact and normals is not None and np.allclose(np.linalg.norm(normals, axis=1), 1.0, 0.0, 1e-9):
-        made = replace(made, normals=normals)
-    numbers = found.face_materials
-    return made if numbers is None or len(numbers) != len(made.faces) else replace(made, face_materials=numbers)
-
-
-def _read_stl(at: At, data: bytes) -> MeshData:
-    try:
-        vertices = parse_stl(data)
-    except ValueError as problem:
-        raise at.refuse(f"is not a usable STL file: {problem}") from problem
-    if len(vertices) == 0:
-        raise at.refuse("has no faces")
-    return _mesh_data(at, vertices, np.arange(len(vertices)).reshape(-1, 3), None, None)
-
-
-def _triangles(at: At, faces: NDArray[Any], vertices: int) -> NDArray[np.int64]:
-    """(m, 3) indices from polygons (n, k) cut into fans."""
-    if faces.ndim != 2 or faces.shape[1] < 3 or faces.dtype.kind not in "iu":
-        raise at.refuse("has faces that are no polygons")
-    if ((faces < 0) | (faces >= vertices)).any():
-        raise at.refuse(f"has a face with a vertex outside [0, {vertices - 1}]")
-    fans = [faces[:, [0, corner, corner + 1]] for corner in range(1, faces.shape[1] - 1)]
-    return np.stack(fans, axis=1).reshape(-1, 3).astype(np.int64)
-
-
-def _check_finite(at: At, vertices: NDArray[np.float64]) -> None:
-    good = np.isfinite(vertices).all(axis=1)
-    if not good.all():
-        index = int(np.argmin(good))
-        raise at.refuse(f"vertex {index} is {vertices[index].tolist()}: must be finite")

@@ -21,14 +21,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from engines.errors import SceneError
 from engines.input_files import open_regular, unreadable
-from engines.scene.bsdf import Bsdf, Mask, Mixture, NormalMap, Principled
+from engines.scene.bsdf import Bsdf, Mask, NormalMap
 from engines.scene.materials import ENERGY_TOLERANCE, Material
-from engines.scene.textures import ImageTexture, largest
-from engines.scene.triple import BLACK, WHITE, Triple
+from engines.scene.models import Mixture, Principled
+from engines.scene.textures import ImageTexture, Texture, largest, tinted
+from engines.scene.triple import BLACK, WHITE, Triple, product, triple
 from engines.schema.yaml_file import Located
 
 MIRRORS = (3, 5, 7)
@@ -63,7 +62,8 @@ OPTIONS = {
 class Raw:
     """The statements of a material: colours, numbers, and what follows the keys of maps."""
 
-    values: dict[str, Triple | float] = field(default_factory=dict)
+    colors: dict[str, Triple] = field(default_factory=dict)
+    numbers: dict[str, float] = field(default_factory=dict)
     maps: dict[str, str] = field(default_factory=dict)
     left_out: dict[str, None] = field(default_factory=dict)
 
@@ -97,22 +97,26 @@ def read_mtl(file: Path, node: Located, context: Any) -> tuple[dict[str, Materia
         elif key in _COLORS or key in _NUMBERS:
             if current is None:
                 raise _wrong(node, file, number, f"{parts[0]} stands before the first newmtl")
-            current.values[key] = _value(node, file, number, key, parts[1:])
+            values = _values(node, file, number, key, parts[1:])
+            if key in _NUMBERS:
+                current.numbers[key] = values[0]
+            else:
+                current.colors[key] = triple(values * 3 if len(values) == 1 else values)
     warnings: list[tuple[str, str]] = []
     materials: dict[str, Material] = {}
     for name, statements in raw.items():
         notes = [f"{file.name}: {key} is not read: material {name!r}" for key in statements.left_out]
         images = {key: _image(node, context, file, name, key, text, notes) for key, text in statements.maps.items()}
-        materials[name], warning = _material(name, statements.values, {k: v for k, v in images.items() if v}, file)
+        materials[name], warning = _material(name, statements, {k: v for k, v in images.items() if v}, file)
         warnings += [(name, text) for text in (*notes, *warning)]
     return materials, warnings
 
 
-def _wrong(node: Located, file: Path, line: int, wanted: str) -> SceneError:
-    return SceneError(f"{node.where}: {file}:{line}: {wanted}")
+def _wrong(node: Located, file: Path, line: int, expected: str) -> SceneError:
+    return SceneError(f"{node.where}: {file}:{line}: {expected}")
 
 
-def _value(node: Located, file: Path, line: int, key: str, parts: list[str]) -> Triple | float:
+def _values(node: Located, file: Path, line: int, key: str, parts: list[str]) -> list[float]:
     shown = f"{key} {' '.join(parts)[:80]}"
     try:
         numbers = [float(part) for part in parts if part != "-halo"]
@@ -120,12 +124,9 @@ def _value(node: Located, file: Path, line: int, key: str, parts: list[str]) -> 
         raise _wrong(node, file, line, f"{shown}: numbers are expected") from None
     if not numbers or not all(map(math.isfinite, numbers)) or min(numbers) < 0.0:
         raise _wrong(node, file, line, f"{shown}: finite numbers of at least 0 are expected")
-    if key in _NUMBERS:
-        return numbers[0]
-    if len(numbers) not in (1, 3):
+    if key in _COLORS and len(numbers) not in (1, 3):
         raise _wrong(node, file, line, f"{shown}: one or three numbers are expected")
-    r, g, b = numbers * 3 if len(numbers) == 1 else numbers
-    return r, g, b
+    return numbers
 
 
 def _image(
@@ -162,38 +163,26 @@ def _is_number(word: str) -> bool:
 
 def _numbers(words: list[str], default: float) -> tuple[float, float]:
     """Of u and of v, which counts upwards in an MTL."""
-    found = [*map(float, words), default, default]
-    return found[0], found[1] if len(words) > 1 else default
+    factors = [*map(float, words), default, default]
+    return factors[0], factors[1] if len(words) > 1 else default
 
 
-def _material(
-    name: str, values: dict[str, Triple | float], images: dict[str, ImageTexture], file: Path
-) -> tuple[Material, list[str]]:
-    """The material of the raw values, and a warning where it had to be scaled."""
-
-    def color(key: str, default: Triple) -> Triple:
-        found = values.get(key, default)
-        assert isinstance(found, tuple)
-        return found
-
-    def value(key: str, default: float) -> float:
-        found = values.get(key, default)
-        assert not isinstance(found, tuple)
-        return found
-
+def _material(name: str, raw: Raw, images: dict[str, Texture], file: Path) -> tuple[Material, list[str]]:
+    """The material of the statements, and a warning where it had to be scaled."""
+    color, value = raw.colors.get, raw.numbers.get
     illum = value("illum", 2.0)
     opacity = 1.0 if "map_d" in images else min(value("d", 1.0 - min(value("tr", 0.0), 1.0)), 1.0)
     fresnel = illum in FRESNEL
     kd, image = color("kd", BLACK), images.get("map_kd")
     tint = kd if image is None or kd != BLACK else WHITE
     if image is not None:
-        kd = _times(tint, largest(image))
-    if {"pr", "pm"} & values.keys() or {"map_pr", "map_pm"} & images.keys():
+        kd = product(tint, largest(image))
+    if {"pr", "pm"} & raw.numbers.keys() or {"map_pr", "map_pm"} & images.keys():
         factor = min(1.0, 1.0 / (max(kd) or 1.0))
-        tint = _scaled(tint, factor)
+        tint = product(tint, factor)
         passing = 1.0 - opacity
         bsdf = Principled(
-            tint if image is None else _tinted(image, tint),
+            tint if image is None else image if tint == WHITE else tinted(image, tint),
             images.get("map_pr", min(value("pr", 0.5), 1.0)),
             metallic=images.get("map_pm", min(value("pm", 0.0), 1.0)),
             eta=min(max(value("ni", 1.5), 1.001 if passing else 1.0), MOST_ETA),
@@ -203,9 +192,9 @@ def _material(
         return Material(name, emission=color("ke", BLACK), bsdf=_wrapped(bsdf, images)), notes
     material = Material(
         name=name,
-        kd=_scaled(kd, opacity),
+        kd=product(kd, opacity),
         ks=color("ks", BLACK) if illum in MIRRORS else BLACK,
-        kt=_scaled(color("tf", (1.0, 1.0, 1.0)), 1.0 - opacity),
+        kt=product(color("tf", WHITE), 1.0 - opacity),
         ior=(value("ni", 1.0) or 1.0) if fresnel or opacity < 1.0 else 1.0,
         fresnel=fresnel,
         emission=color("ke", BLACK),
@@ -214,24 +203,24 @@ def _material(
     factor = 1.0
     if most > 1.0 + ENERGY_TOLERANCE:
         factor = 1 / most
-        kd, ks, kt = (_scaled(color, factor) for color in (material.kd, material.ks, material.kt))
+        kd, ks, kt = (product(color, factor) for color in (material.kd, material.ks, material.kt))
         material = replace(material, kd=kd, ks=ks, kt=kt)
         notes = [_scaled_down(file, name, most)]
-    return _with_images(material, images, _scaled(tint, opacity * factor)), notes
+    return _with_images(material, images, product(tint, opacity * factor)), notes
 
 
-def _with_images(material: Material, images: dict[str, ImageTexture], tint: Triple) -> Material:
+def _with_images(material: Material, images: dict[str, Texture], tint: Triple) -> Material:
     """The material with an image times `tint` as its kd, with a normal map, and with holes, as far as there are images."""
     if not images:
         return material
     kd = material.kd
     if "map_kd" in images:
-        kd = _tinted(images["map_kd"], tint)
+        kd = images["map_kd"] if tint == WHITE else tinted(images["map_kd"], tint)
     bsdf = Mixture(kd, material.ks, material.kt, material.ior, material.fresnel)
     return Material(material.name, emission=material.emission, bsdf=_wrapped(bsdf, images))
 
 
-def _wrapped(bsdf: Bsdf, images: dict[str, ImageTexture]) -> Bsdf:
+def _wrapped(bsdf: Bsdf, images: dict[str, Texture]) -> Bsdf:
     """The BSDF with a normal map and with holes, as far as there are images."""
     if "norm" in images:
         bsdf = NormalMap(images["norm"], bsdf)
@@ -240,22 +229,3 @@ def _wrapped(bsdf: Bsdf, images: dict[str, ImageTexture]) -> Bsdf:
 
 def _scaled_down(file: Path, name: str, most: float) -> str:
     return f"{file.name}: material {name!r} returns {most:.3g} of its light: scaled down to 1"
-
-
-def _tinted(image: ImageTexture, tint: Triple) -> ImageTexture:
-    if tint == WHITE:
-        return image
-    factors = np.array(tint[:1] if len(set(tint)) == 1 else tint, np.float32)
-    pixels = image.pixels * factors
-    pixels.flags.writeable = False
-    return replace(image, pixels=pixels)
-
-
-def _times(a: Triple, b: Triple) -> Triple:
-    x, y, z = (p * q for p, q in zip(a, b, strict=True))
-    return x, y, z
-
-
-def _scaled(color: Triple, factor: float) -> Triple:
-    r, g, b = color
-    return r * factor, g * factor, b * factor

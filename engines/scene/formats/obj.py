@@ -57,8 +57,8 @@ class TextureCorners:
     def read(self, at_line: AtLine) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
         """(n, 2) coordinates and (m, 3) indices of them; the last is (0, 0), for corners without. Raises as `parse_obj`."""
         coordinates = _rows(self.statements, at_line, 1, 2)
-        found = _where_given(self.corners, self.lines, self.statements.lines, "texture coordinate", at_line)
-        return np.concatenate([coordinates, np.zeros((1, 2))]), found[self.fan]
+        places = _where_given(self.corners, self.lines, self.statements.lines, "texture coordinate", at_line)
+        return np.concatenate([coordinates, np.zeros((1, 2))]), places[self.fan]
 
 
 def parse_obj(text: str, at_line: AtLine) -> Polygons:
@@ -122,8 +122,8 @@ def _rows(statements: _Statements, at_line: AtLine, least: int = 3, most: int = 
         return np.array([list(map(float, row)) + [0.0] * (most - len(row)) for row in rows], np.float64).reshape(-1, most)
     except ValueError:
         wrong = next(i for i, line in enumerate(lines) if len(line.split()) < least or not _are_numbers(line.split()))
-        wanted = "three numbers are expected" if most == 3 else "numbers are expected"
-        raise at_line(statements.lines[wrong], f"{_shown(statements.text[wrong])}: {wanted}") from None
+        expected = "three numbers are expected" if most == 3 else "numbers are expected"
+        raise at_line(statements.lines[wrong], f"{_shown(statements.text[wrong])}: {expected}") from None
 
 
 def _shown(text: str) -> str:
@@ -192,30 +192,30 @@ def _absolute(
 ) -> NDArray[np.int32]:
     """Indices from 0. `lines` says where each is used, `defined` where the things it counts stand."""
     before = np.searchsorted(np.array(defined, np.int64), lines) if (indices < 0).any() else 0
-    found = np.where(indices < 0, indices + before, indices - 1)
-    wrong = (found < 0) | (found >= len(defined)) | (indices == 0)
+    absolute = np.where(indices < 0, indices + before, indices - 1)
+    wrong = (absolute < 0) | (absolute >= len(defined)) | (indices == 0)
     if wrong.any():
         at = int(np.argmax(wrong))
         raise at_line(int(lines[at]), f"{what} {indices[at]}: there are {len(defined)}, counted from 1")
-    return found.astype(np.int32)
+    return absolute.astype(np.int32)
 
 
 def _where_given(
     indices: NDArray[np.int64], lines: NDArray[np.int64], defined: list[int], what: str, at_line: AtLine
 ) -> NDArray[np.int32]:
     """Indices from 0, and the number of things where a corner has none."""
-    found = np.full(len(indices), len(defined), np.int32)
+    absolute = np.full(len(indices), len(defined), np.int32)
     given = indices != 0
-    found[given] = _absolute(indices[given], lines[given], defined, what, at_line)
-    return found
+    absolute[given] = _absolute(indices[given], lines[given], defined, what, at_line)
+    return absolute
 
 
 def _materials(uses: _Statements, face_lines: list[int]) -> tuple[NDArray[np.int32], list[str]]:
     """The material of each face as an index into the names, in the order of first use; only used names count."""
     names: dict[str, int] = {}
-    found = np.zeros(len(face_lines), np.int32)
+    materials = np.zeros(len(face_lines), np.int32)
     starts = [0, *(bisect_left(face_lines, line) for line in uses.lines), len(face_lines)]
     for name, start, end in zip(["", *(text.strip() for text in uses.text)], starts[:-1], starts[1:], strict=True):
         if start < end:
-            found[start:end] = names.setdefault(name, len(names))
-    return found, list(names)
+            materials[start:end] = names.setdefault(name, len(names))
+    return materials, list(names)

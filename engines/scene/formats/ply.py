@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from engines.scene.formats import FileMesh
 from engines.scene.geometry import fans
 
 UNIT_NORMALS = b"comment raybench: normals are of length 1"
@@ -29,21 +30,6 @@ MOST_LINES = 10_000
 CORNERS = ("vertex_index", "vertex_indices")
 UVS = (("u", "v"), ("s", "t"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
 CUT_SHORT = "it is cut short"
-
-
-class PlyMesh(NamedTuple):
-    """`vertices` (n, 3) float64 and `faces` (m, 3) integers, which may be out of range; polygons are cut into fans.
-
-    `normals` (n, 3) and `uvs` (n, 2) float64 and `face_materials` (m,) int32 where the file has them. `exact`: the file says
-    that its normals are of length 1.
-    """
-
-    vertices: NDArray[np.float64]
-    faces: NDArray[Any]
-    normals: NDArray[np.float64] | None
-    uvs: NDArray[np.float64] | None
-    face_materials: NDArray[np.int32] | None
-    exact: bool
 
 
 class Property(NamedTuple):
@@ -72,17 +58,18 @@ class Column(NamedTuple):
     def read(self) -> NDArray[Any]:
         """The numbers, as of the type that the header says: a text may hold any."""
         with np.errstate(invalid="ignore", over="ignore"):
-            found = self.values.astype(self.property.type)
-        if found.dtype.kind in "iu" and (found != self.values).any():
+            numbers = self.values.astype(self.property.type)
+        if numbers.dtype.kind in "iu" and (numbers != self.values).any():
             raise ValueError(f"property {self.property.name!r} holds a number that its type does not have")
-        return found
+        return numbers
 
 
 Columns = dict[str, Column]
 
 
-def parse_ply(data: bytes) -> PlyMesh:
-    """The mesh of a PLY file. Raises `ValueError` for what is none, or is longer or shorter than its header says."""
+def parse_ply(data: bytes) -> FileMesh:
+    """The mesh of a PLY file, polygons cut into fans. Raises `ValueError` for what is none, or is longer or shorter than its
+    header says."""
     elements, order, start = _header(data)
     body = memoryview(data)[start:] if order else parse_numbers(data[start:]).view(np.uint8).data
     tables: dict[str, Columns] = {}
@@ -187,13 +174,13 @@ def _length(body: memoryview, place: int, dtype: np.dtype) -> int:
     """The length of a list, which stands before it."""
     if place + dtype.itemsize > len(body):
         raise ValueError(CUT_SHORT)
-    found = np.frombuffer(body, dtype, 1, place)[0]
-    if not (found >= 0 and found == np.floor(found) and found < 2**62):
-        raise ValueError(f"it has a list of length {found}")
-    return int(found)
+    length = np.frombuffer(body, dtype, 1, place)[0]
+    if not (length >= 0 and length == np.floor(length) and length < 2**62):
+        raise ValueError(f"it has a list of length {length}")
+    return int(length)
 
 
-def _mesh(tables: Mapping[str, Columns], exact: bool) -> PlyMesh:
+def _mesh(tables: Mapping[str, Columns], exact: bool) -> FileMesh:
     vertex, face = tables.get("vertex", {}), tables.get("face", {})
     vertices = _columns(vertex, ("x", "y", "z"))
     if vertices is None:
@@ -201,9 +188,9 @@ def _mesh(tables: Mapping[str, Columns], exact: bool) -> PlyMesh:
     lists = {name: column for name, column in face.items() if column.property.count_type}
     names = [name for name in (*CORNERS, *lists) if name in lists]
     faces = _triangles(lists[names[0]]) if names else np.zeros((0, 3), np.int64)
-    uvs = next((found for pair in UVS if (found := _columns(vertex, pair)) is not None), None)
+    uvs = next((columns for pair in UVS if (columns := _columns(vertex, pair)) is not None), None)
     materials = face["material"].read().astype(np.int32) if "material" in face and "material" not in lists else None
-    return PlyMesh(vertices, faces, _columns(vertex, ("nx", "ny", "nz")), uvs, materials, exact)
+    return FileMesh(vertices, faces, _columns(vertex, ("nx", "ny", "nz")), uvs, materials, exact)
 
 
 def _columns(columns: Columns, names: Sequence[str]) -> NDArray[np.float64] | None:
@@ -215,12 +202,12 @@ def _columns(columns: Columns, names: Sequence[str]) -> NDArray[np.float64] | No
 
 def _triangles(corners: Column) -> NDArray[Any]:
     """(m, 3) the indices of the corners."""
-    found, counts = corners.read(), corners.counts
+    indices, counts = corners.read(), corners.counts
     if counts is None or len(counts) == 0:
         return np.zeros((0, 3), np.int64)
-    if counts.max() < 3 or found.dtype.kind not in "iu":
+    if counts.max() < 3 or indices.dtype.kind not in "iu":
         raise ValueError("its faces are no polygons")
-    return found.reshape(-1, 3) if counts.min() == counts.max() == 3 else found[fans(counts)[0]]
+    return indices.reshape(-1, 3) if counts.min() == counts.max() == 3 else indices[fans(counts)[0]]
 
 
 def write_ply(

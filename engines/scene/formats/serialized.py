@@ -5,32 +5,22 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from engines.scene.formats import FileMesh
+
 MAGIC = 0x041C
 VERSIONS = (3, 4)
-NORMALS, UVS, COLORS, FACE_NORMALS, DOUBLE = 0x1, 0x2, 0x8, 0x10, 0x2000
+NORMALS, UVS, COLORS, DOUBLE = 0x1, 0x2, 0x8, 0x2000
 LONGEST_NAME = 1 << 16
 MOST = 1 << 31
 """Vertices and faces have numbers of 32 bits."""
 PIECE = 1 << 20
 
 
-class Serialized(NamedTuple):
-    """`vertices` (n, 3) and `faces` (m, 3) of one mesh, `normals` (n, 3) and `uvs` (n, 2) where it has them, and whether the
-    file asks for flat shading."""
-
-    vertices: NDArray[np.float64]
-    faces: NDArray[np.int64]
-    normals: NDArray[np.float64] | None
-    uvs: NDArray[np.float64] | None
-    face_normals: bool
-
-
-def parse_serialized(data: bytes, shape_index: int, check: Callable[[float], None]) -> Serialized:
+def parse_serialized(data: bytes, shape_index: int, check: Callable[[float], None]) -> FileMesh:
     """The mesh at `shape_index`. `check` is called with the bytes of memory that it takes before it is unpacked.
 
     Raises ValueError for what is wrong.
@@ -57,7 +47,7 @@ def parse_serialized(data: bytes, shape_index: int, check: Callable[[float], Non
     if flags & COLORS:
         rows(3)
     corners = np.frombuffer(stream.read(faces * 12), "<u4").astype(np.int64).reshape(-1, 3)
-    return Serialized(positions, corners, normals, uvs, bool(flags & FACE_NORMALS))
+    return FileMesh(positions, corners, normals, uvs)
 
 
 def _version(data: bytes, at: int) -> int:
@@ -95,21 +85,21 @@ class _Inflated:
         self.decoder = zlib.decompressobj()
 
     def read(self, size: int) -> bytearray:
-        found = bytearray()
-        while len(found) < size:
+        unpacked = bytearray()
+        while len(unpacked) < size:
             piece = self.rest
             if not piece:
                 piece = self.data[self.at : self.at + PIECE]
                 self.at += len(piece)
             try:
-                more = self.decoder.decompress(piece, size - len(found))
+                more = self.decoder.decompress(piece, size - len(unpacked))
             except zlib.error as problem:
                 raise ValueError(f"its compressed data are damaged: {problem}") from problem
             self.rest = self.decoder.unconsumed_tail
-            found += more
+            unpacked += more
             if not more and (self.decoder.eof or (not self.rest and self.at >= len(self.data))):
                 raise ValueError("is cut short")
-        return found
+        return unpacked
 
     def skip_text(self, longest: int) -> None:
         for _ in range(longest):

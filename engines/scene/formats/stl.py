@@ -8,6 +8,7 @@ import struct
 import numpy as np
 from numpy.typing import NDArray
 
+from engines.scene.formats import FileMesh
 from engines.scene.formats.ply import parse_numbers
 
 HEADER = 84
@@ -17,13 +18,13 @@ _VERTEX = re.compile(rb"^[ \t]*vertex\b(?:[ \t]+(\S+[ \t]+\S+[ \t]+\S+)[ \t]*\r?
 _END = re.compile(rb"^[ \t]*endsolid\b", re.IGNORECASE | re.MULTILINE)
 
 
-def parse_stl(data: bytes) -> NDArray[np.float64]:
-    """(3 m, 3) the corners of all triangles, those of one after the other. Raises `ValueError` for what is no STL file.
+def parse_stl(data: bytes) -> FileMesh:
+    """The mesh of an STL file, each triangle with vertices of its own. Raises `ValueError` for what is no STL file.
 
     A binary file may begin with "solid", too: what is as long as its number of triangles says is binary.
     """
     if len(data) >= HEADER and len(data) == HEADER + struct.unpack_from("<I", data, HEADER - 4)[0] * TRIANGLE.itemsize:
-        return np.frombuffer(data, TRIANGLE, offset=HEADER)["vertices"].reshape(-1, 3).astype(np.float64)
+        return _mesh(np.frombuffer(data, TRIANGLE, offset=HEADER)["vertices"].reshape(-1, 3).astype(np.float64))
     if not data.lstrip()[:5].lower() == b"solid":
         raise ValueError("its length is not what a binary file's number of triangles says, and a text begins with 'solid'")
     rows = _VERTEX.findall(data)
@@ -31,4 +32,8 @@ def parse_stl(data: bytes) -> NDArray[np.float64]:
         raise ValueError("it is cut short: 'endsolid' is missing")
     if b"" in rows or len(rows) % 3:
         raise ValueError("a vertex has three numbers, and a facet three vertices")
-    return parse_numbers(b" ".join(rows)).reshape(-1, 3)
+    return _mesh(parse_numbers(b" ".join(rows)).reshape(-1, 3))
+
+
+def _mesh(corners: NDArray[np.float64]) -> FileMesh:
+    return FileMesh(corners, np.arange(len(corners)).reshape(-1, 3))

@@ -21,11 +21,11 @@ from engines.image import (
     opened_bitmap,
     readable,
 )
-from engines.scene.formats.pfm import read_pfm
-from engines.scene.formats.radiance import read_hdr
+from engines.input_files import open_regular
+from engines.scene.formats.floats import parse_hdr, parse_pfm
 
 TEXTURE_SUFFIXES = (*SUFFIXES, ".hdr", ".pfm", ".tga")
-_FLOATS = {".hdr": read_hdr, ".pfm": read_pfm}
+_FLOATS = {".hdr": parse_hdr, ".pfm": parse_pfm}
 CHANNELS = "rgba"
 _LETTERS = {1: "r", 2: "ra", 3: "rgb", 4: "rgba"}
 """What the channels of an image are; the first of a grey one is its grey, which `r`, `g` and `b` all mean."""
@@ -42,13 +42,13 @@ def read_texels(path: Path) -> NDArray[Any]:
     if suffix != ".exr" and suffix not in _FLOATS:
         return _bitmap(file, (*PILLOW_FORMATS, "TGA") if suffix == ".tga" else PILLOW_FORMATS)
     if suffix == ".exr":
-        found = _exr(file)
+        texels = _exr(file)
     else:
-        with decoding(file):
-            found = _FLOATS[suffix](file, lambda width, height: check_size(file, width, height, most_pixels(file)))
-    if not np.isfinite(found).all():
+        with decoding(file), open_regular(file) as stream:
+            texels = _FLOATS[suffix](stream.read(), lambda width, height: check_size(file, width, height, most_pixels(file)))
+    if not np.isfinite(texels).all():
         raise SceneError(f"{file}: holds values that are infinite or not a number")
-    return found
+    return texels
 
 
 def _exr(file: Path) -> NDArray[np.float32]:
@@ -58,9 +58,9 @@ def _exr(file: Path) -> NDArray[np.float32]:
         if len(channels) != 1:
             raise SceneError(f"{file}: channels R, G, B, or Y are expected: it has {', '.join(sorted(channels))}"[:500])
         (names,) = ([name] for name in channels)
-    wanted = [*names, *(["A"] if "A" in channels else [])]
+    names = [*names, *(["A"] if "A" in channels else [])]
     with decoding(file):
-        return np.stack([channels[name] for name in wanted], axis=2, dtype=np.float32, casting="same_kind")
+        return np.stack([channels[name] for name in names], axis=2, dtype=np.float32, casting="same_kind")
 
 
 def _bitmap(file: Path, formats: tuple[str, ...]) -> NDArray[Any]:
@@ -70,19 +70,19 @@ def _bitmap(file: Path, formats: tuple[str, ...]) -> NDArray[Any]:
         if raw in ("RGB;16B", "RGBA;16B", "LA;16B"):
             return _deep_png(file, raw)
         if image.mode in ("I;16", "I;16L", "I;16B", "I"):
-            found = np.asarray(image)
-            return found.clip(0, 65535).astype(np.uint16)[:, :, None]
+            texels = np.asarray(image)
+            return texels.clip(0, 65535).astype(np.uint16)[:, :, None]
         if image.mode == "F":
-            found = np.asarray(image)
-            if not np.isfinite(found).all():
+            texels = np.asarray(image)
+            if not np.isfinite(texels).all():
                 raise SceneError(f"{file}: holds values that are infinite or not a number")
-            return found[:, :, None]
+            return texels[:, :, None]
         if image.mode not in ("L", "LA", "RGB", "RGBA"):
             clear = "transparency" in image.info or image.mode in ("La", "PA", "RGBa")
-            found = np.asarray(image.convert("L" if image.mode == "1" else "RGBA" if clear else "RGB"))
+            texels = np.asarray(image.convert("L" if image.mode == "1" else "RGBA" if clear else "RGB"))
         else:
-            found = np.asarray(image)
-        return found[:, :, None] if found.ndim == 2 else found
+            texels = np.asarray(image)
+        return texels[:, :, None] if texels.ndim == 2 else texels
 
 
 def _deep_png(file: Path, raw: str) -> NDArray[np.uint16]:

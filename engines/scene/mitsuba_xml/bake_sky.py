@@ -24,6 +24,7 @@ SUN_SAMPLES = 96
 
 
 def directions(u: Any, v: Any) -> Any:
+    """(..., 3) unit directions of texture coordinates, u around +y and v from +y to -y, both in [0, 1]."""
     phi, theta = 2.0 * math.pi * u, math.pi * v
     return np.stack([np.sin(theta) * np.sin(phi), np.cos(theta), -np.sin(theta) * np.cos(phi)], axis=-1)
 
@@ -40,6 +41,7 @@ def radiance(emitter: Any, rows: Any) -> Any:
 
 
 def sky(parameters: dict[str, Any]) -> Any:
+    """(h, w, 3) radiance of a `sunsky` without its sun, of the size `SKY`."""
     width, height = SKY
     u, v = np.meshgrid((np.arange(width) + 0.5) / width, np.arange(height) / (height - 1))
     emitter = mitsuba.load_dict({**parameters, "sun_scale": 0.0})
@@ -88,6 +90,7 @@ def add_sun(image: Any, emitter: Any, towards: Any, aperture: float) -> None:
 
 
 def main() -> None:
+    """Reads parameters from the standard input, and writes the image to the standard output."""
     mitsuba.set_variant("scalar_rgb")
     mitsuba.set_log_level(mitsuba.LogLevel.Error)
     given = json.load(sys.stdin)

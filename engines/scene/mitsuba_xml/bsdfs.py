@@ -15,9 +15,19 @@ from engines.scene.mitsuba_xml.colors import INDEX, color
 from engines.scene.mitsuba_xml.context import Importer
 from engines.scene.mitsuba_xml.properties import Plugin
 from engines.scene.mitsuba_xml.textures import color_or_texture, image_texture, number_or_texture
-from engines.scene.models import INDICES, IORS, LEAST_CONTRAST, SMOOTHEST, Dielectric, Diffuse, Principled, principled_eta
+from engines.scene.models import (
+    IORS,
+    LEAST_CONTRAST,
+    SMOOTHEST,
+    TOO_LITTLE_CONTRAST,
+    Dielectric,
+    Diffuse,
+    Principled,
+    indices_lack,
+    principled_eta,
+)
 from engines.scene.textures import Color, ImageTexture, Number
-from engines.scene.triple import BLACK, WHITE, Triple
+from engines.scene.triple import BLACK, WHITE, Triple, triple
 
 AIR = 1.000277
 INDICES_BY_NAME = {
@@ -57,11 +67,11 @@ def bsdf(importer: Importer, plugin: Plugin, two_sided: bool = False) -> Bsdf:
             raise plugin.refuse(REFUSED.get(plugin.type, f"unknown BSDF: {suggestion(plugin.type, BSDFS)}"))
         importer.enter(plugin)
         plugin.read.add("type")
-        found = make(importer, plugin, two_sided)
-        if extent(found)[0] > MAX_PARTS:
+        made = make(importer, plugin, two_sided)
+        if extent(made)[0] > MAX_PARTS:
             raise plugin.refuse(f"more than {MAX_PARTS} BSDFs within each other")
         importer.leave(plugin)
-        importer.built[key] = found
+        importer.built[key] = made
     return importer.built[key]
 
 
@@ -94,17 +104,17 @@ def _index(plugin: Plugin, name: str, default: float) -> float:
 
 def _ior(plugin: Plugin, inside: float, limits: tuple[float, float]) -> float:
     """The index of the inside over that of the outside."""
-    found = _index(plugin, "int_ior", inside) / _index(plugin, "ext_ior", AIR)
-    if not limits[0] <= found <= limits[1]:
-        raise plugin.refuse(f"int_ior / ext_ior is {found:g}: must lie in [{limits[0]:g}, {limits[1]:g}]")
-    return found
+    ratio = _index(plugin, "int_ior", inside) / _index(plugin, "ext_ior", AIR)
+    if not limits[0] <= ratio <= limits[1]:
+        raise plugin.refuse(f"int_ior / ext_ior is {ratio:g}: must lie in [{limits[0]:g}, {limits[1]:g}]")
+    return ratio
 
 
 def _distribution(plugin: Plugin, default: str) -> str:
-    found = plugin.text("distribution", default=default) or default
-    if found not in ("beckmann", "ggx"):
+    name = plugin.text("distribution", default=default) or default
+    if name not in ("beckmann", "ggx"):
         raise plugin.refuse_property("distribution", "must be beckmann or ggx")
-    return found
+    return name
 
 
 def _alphas(importer: Importer, plugin: Plugin, default: float) -> tuple[Number, Number]:
@@ -142,12 +152,9 @@ class Indices(NamedTuple):
 def _metal(plugin: Plugin) -> Indices:
     eta, k = _given_metal(plugin)
     outside = _index(plugin, "ext_eta", 1.0)
-    eta = (eta[0] / outside, eta[1] / outside, eta[2] / outside)
-    k = (k[0] / outside, k[1] / outside, k[2] / outside)
-    for channel, larger in zip(("red", "green", "blue"), map(max, eta, k), strict=True):
-        if not INDICES[0] <= larger <= INDICES[1]:
-            limits = f"[{INDICES[0]:g}, {INDICES[1]:g}]"
-            raise plugin.refuse(f"the larger of eta and k is {larger:g} in {channel}: must lie in {limits}")
+    eta, k = (triple(x / outside for x in values) for values in (eta, k))
+    if lacks := indices_lack(eta, k):
+        raise plugin.refuse(lacks)
     return Indices(eta, k)
 
 
@@ -162,9 +169,9 @@ def _given_metal(plugin: Plugin) -> tuple[Triple, Triple]:
         if name not in METALS:
             raise plugin.refuse_property("material", f"{suggestion(name, METALS)}, none; or give eta and k")
         return METALS[name]
-    for wanted in ("eta", "k"):
-        if plugin.find(wanted) is not None:
-            raise plugin.refuse(f"{wanted}: a colour is expected, not a texture")
+    for name in ("eta", "k"):
+        if plugin.find(name) is not None:
+            raise plugin.refuse(f"{name}: a colour is expected, not a texture")
     eta, k = plugin.spectrum("eta"), plugin.spectrum("k")
     if eta is None and k is None:
         return METALS["Cu"] if plugin.element.source.old else (BLACK, WHITE)
@@ -219,7 +226,7 @@ def _leaf(importer: Importer, plugin: Plugin, two_sided: bool, taken_as: str = "
     plugin.read.update(harmless for item in items for harmless in item.harmless)
     model = kind(**{item.name: _READERS[item.kind](importer, plugin, item) for item in items})
     if isinstance(model, Dielectric) and name == described.rough and abs(model.ior - 1.0) < LEAST_CONTRAST:
-        raise plugin.refuse(f"a rough interface wants an index at least {LEAST_CONTRAST:g} away from 1")
+        raise plugin.refuse(TOO_LITTLE_CONTRAST)
     if two_sided or model == Diffuse(BLACK) or transmits(model):
         return model
     importer.one_sided[plugin.label] = None

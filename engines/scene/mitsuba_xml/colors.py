@@ -10,7 +10,7 @@ from engines.scene.mitsuba_xml.document import Element
 from engines.scene.mitsuba_xml.properties import number_of
 from engines.scene.mitsuba_xml.spectra import FLAT_SPECTRUM, rgb_of_black_body, rgb_of_samples
 from engines.scene.mitsuba_xml.transforms import number, numbers
-from engines.scene.triple import Triple
+from engines.scene.triple import Triple, product, triple
 
 REFLECTANCE, EMISSION, INDEX = "reflectance", "emission", "index"
 """What a colour is for: a share in [0, 1], light, or an index of refraction."""
@@ -27,13 +27,16 @@ def color(element: Element, role: str) -> Triple:
 
 def checked_color(element: Element, values: Triple, role: str) -> Triple:
     """The values, which an element gives. Raises `SceneError` for negative ones, and for shares above 1."""
-    r, g, b = values
-    least, most = min(r, g, b), max(r, g, b)
-    if least < 0.0:
+    if min(values) < 0.0:
         raise element.refuse_value("must not be negative")
-    if role == REFLECTANCE and most > 1.0 + 1e-6:
+    if role == REFLECTANCE and max(values) > 1.0 + 1e-6:
         raise element.refuse_value("must lie in [0, 1], as it is a share of light")
-    return (min(r, 1.0), min(g, 1.0), min(b, 1.0)) if role == REFLECTANCE else (r, g, b)
+    return _held(values, role)
+
+
+def _held(values: Triple, role: str) -> Triple:
+    """The values, at most 1 where they are shares of light."""
+    return triple(min(x, 1.0) for x in values) if role == REFLECTANCE else values
 
 
 def _values(element: Element, role: str) -> Triple:
@@ -55,15 +58,13 @@ def _values(element: Element, role: str) -> Triple:
 
 
 def _three(element: Element) -> Triple:
-    found = numbers(element, "value", (1, 3))
-    r, g, b = found * 3 if len(found) == 1 else found
-    return r, g, b
+    values = numbers(element, "value", (1, 3))
+    return triple(values * 3 if len(values) == 1 else values)
 
 
 def _linear(*encoded: float) -> Triple:
     """Linear RGB of sRGB values."""
-    r, g, b = (x / 12.92 if x <= 0.04045 else ((x + 0.055) / 1.055) ** 2.4 for x in encoded)
-    return r, g, b
+    return triple(x / 12.92 if x <= 0.04045 else ((x + 0.055) / 1.055) ** 2.4 for x in encoded)
 
 
 def _spectrum(element: Element, text: str, role: str) -> Triple:
@@ -72,22 +73,19 @@ def _spectrum(element: Element, text: str, role: str) -> Triple:
         raise element.refuse("spectra from files are not read: give rgb")
     if ":" in text:
         return of_samples(_samples(element, text), role)
-    r, g, b = _three(element)
-    if role == EMISSION and r == g == b and len(re.split(r"[,\s]+", text)) == 1:
-        return r * FLAT_SPECTRUM[0], r * FLAT_SPECTRUM[1], r * FLAT_SPECTRUM[2]
-    return r, g, b
+    if role == EMISSION and len(re.split(r"[,\s]+", text)) == 1:
+        return product(_three(element), FLAT_SPECTRUM)
+    return _three(element)
 
 
 def of_samples(samples: np.ndarray, role: str) -> Triple:
     """The colour of (2, n) growing wavelengths and values."""
-    r, g, b = (max(0.0, x) for x in rgb_of_samples(samples, role == EMISSION))
-    return (min(r, 1.0), min(g, 1.0), min(b, 1.0)) if role == REFLECTANCE else (r, g, b)
+    return _held(triple(max(0.0, x) for x in rgb_of_samples(samples, role == EMISSION)), role)
 
 
 def of_black_body(kelvin: float, scale: float) -> Triple:
     """The light of a black body."""
-    r, g, b = rgb_of_black_body(kelvin)
-    return r * scale, g * scale, b * scale
+    return product(rgb_of_black_body(kelvin), scale)
 
 
 def _black_body(element: Element) -> Triple:
@@ -108,9 +106,9 @@ def _samples(element: Element, text: str) -> np.ndarray:
     try:
         if not 2 <= len(pairs) <= MAX_SAMPLES:
             raise ValueError
-        found = np.array([[number(word) for word in pair] for pair in pairs]).T
-        if found.shape != (2, len(pairs)) or not (np.diff(found[0]) > 0.0).all():
+        table = np.array([[number(word) for word in pair] for pair in pairs]).T
+        if table.shape != (2, len(pairs)) or not (np.diff(table[0]) > 0.0).all():
             raise ValueError
     except ValueError:
         raise element.refuse_value("must be pairs wavelength:value with growing wavelengths, two at least") from None
-    return found
+    return table

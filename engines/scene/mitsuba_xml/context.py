@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.errors import suggestion
-from engines.scene.bsdf import MAX_DEPTH, Bsdf, Diffuse, Sides
+from engines.scene.bsdf import MAX_DEPTH, Bsdf, Sides
 from engines.scene.context import SceneReader
 from engines.scene.files import Place
 from engines.scene.materials import Material
 from engines.scene.mitsuba_xml.document import Element
 from engines.scene.mitsuba_xml.properties import Plugin
 from engines.scene.mitsuba_xml.transforms import Matrix
+from engines.scene.models import Diffuse
 from engines.scene.shapes import Shape, check_area
 from engines.scene.textures import Color
 from engines.scene.triple import BLACK
@@ -79,24 +80,24 @@ class Importer:
         """The plugin that is nested, or that a reference means. Raises `SceneError` for ids that do not exist."""
         if isinstance(child, Plugin):
             return child
-        found = self.ids.get(child.attributes["id"])
-        if found is None:
+        plugin = self.ids.get(child.attributes["id"])
+        if plugin is None:
             raise child.refuse(f"there is no such id: {suggestion(child.attributes['id'], self.ids)}")
-        return found
+        return plugin
 
     def children(self, plugin: Plugin, *kinds: str) -> Iterator[tuple[Plugin, Plugin | Element]]:
         """The nested plugins of these kinds, references followed, in the order of the document; each with how it is nested."""
         for child in plugin.nested:
-            found = self.resolve(child)
-            if found.kind in kinds:
-                yield found, child
+            inner = self.resolve(child)
+            if inner.kind in kinds:
+                yield inner, child
 
     def taken(self, plugin: Plugin, *kinds: str) -> list[Plugin]:
         """The nested plugins of these kinds, which then count as read."""
-        found = list(self.children(plugin, *kinds))
-        for _, child in found:
+        nested = list(self.children(plugin, *kinds))
+        for _, child in nested:
             plugin.take(child)
-        return [made for made, _ in found]
+        return [made for made, _ in nested]
 
     def named(self, plugin: Plugin, name: str) -> Plugin | None:
         """The nested plugin or reference of this name, which then counts as read."""
@@ -124,9 +125,9 @@ class Importer:
         for name, element in plugin.unread():
             self.notes.add(f"{name} of {plugin.kind} {plugin.type} is not read", element)
         for child in plugin.untaken():
-            found = self.resolve(child)
+            inner = self.resolve(child)
             element = child.element if isinstance(child, Plugin) else child
-            raise element.refuse(f"{plugin.kind} {plugin.type!r} has no use for {found.kind} {found.type!r}")
+            raise element.refuse(f"{plugin.kind} {plugin.type!r} has no use for {inner.kind} {inner.type!r}")
 
     def material(self, bsdf: Bsdf | None, radiance: Color, name: str) -> int:
         """The index of the material with this BSDF (None is black) and emission; the same for the same values."""
@@ -140,12 +141,12 @@ class Importer:
 
     def _unique(self, name: str) -> str:
         """The name, with a number that makes it one of its own."""
-        found = name
-        while found in self.names:
+        unique = name
+        while unique in self.names:
             self.names[name] += 1
-            found = f"{name}_{self.names[name]}"
-        self.names[found] = 1
-        return found
+            unique = f"{name}_{self.names[name]}"
+        self.names[unique] = 1
+        return unique
 
     def claim(self, emitter: Plugin, shape: Plugin) -> None:
         """Says that an emitter is that of a shape. Raises `SceneError` where it has one: Mitsuba allows one shape."""

@@ -67,13 +67,13 @@ class Element:
         named = "".join(f" {key}={_short(self.attributes[key])}" for key in ("type", "name", "id") if key in self.attributes)
         return f"{self.source.name}:{self.line} <{self.tag[:MAX_SHOWN]}{named}>"
 
-    def refuse(self, wanted: str) -> SceneError:
+    def refuse(self, expected: str) -> SceneError:
         """The error to raise about this element."""
-        return SceneError(f"{self.where}: {wanted}")
+        return SceneError(f"{self.where}: {expected}")
 
-    def refuse_value(self, wanted: str) -> SceneError:
+    def refuse_value(self, expected: str) -> SceneError:
         """The error to raise about the attribute `value`."""
-        return SceneError(f"{self.where} = {_short(self.attributes.get('value', ''))}: {wanted}")
+        return SceneError(f"{self.where} = {_short(self.attributes.get('value', ''))}: {expected}")
 
     def located(self, value: Any) -> Located:
         """`value` as if it stood in a YAML file at this place, for the readers of such files."""
@@ -198,11 +198,11 @@ class Reader:
             for end in range(len(word), 0, -1):
                 if word[:end] in self.defined:
                     self.used.add(word[:end])
-                    found = self.defined[word[:end]] + word[end:]
-                    self.bytes_left -= len(found)
+                    replaced = self.defined[word[:end]] + word[end:]
+                    self.bytes_left -= len(replaced)
                     if self.bytes_left < 0:
                         raise element.refuse(f"parameters grow beyond {MAX_BYTES // 2**20} MiB of text")
-                    return found
+                    return replaced
             raise element.refuse(f"parameter ${word[:MAX_SHOWN]} has no value: {suggestion(word, self.defined)}")
 
         return _PARAMETER.sub(value, text)

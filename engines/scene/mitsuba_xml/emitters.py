@@ -6,15 +6,16 @@ from collections.abc import Callable
 
 import numpy as np
 
+from engines.scene.geometry import read_only
 from engines.scene.lights import DirectionalLight, EnvironmentLight, Light, PointLight, SpotLight, without_negative
 from engines.scene.mitsuba_xml.colors import EMISSION, color
 from engines.scene.mitsuba_xml.context import Importer
 from engines.scene.mitsuba_xml.properties import Plugin
 from engines.scene.mitsuba_xml.sky import baked
 from engines.scene.mitsuba_xml.textures import color_or_texture, texture
-from engines.scene.mitsuba_xml.transforms import Matrix, nearest_orthogonal, similarity
+from engines.scene.mitsuba_xml.transforms import nearest_orthogonal, similarity
 from engines.scene.textures import Color
-from engines.scene.triple import WHITE, Triple
+from engines.scene.triple import WHITE, Triple, triple
 from engines.schema.fields import unit
 
 HARMLESS = ("sampling_weight", "mis_compensation", "cache")
@@ -26,9 +27,9 @@ def light(importer: Importer, plugin: Plugin) -> Light:
     if make is None:
         raise plugin.refuse(REFUSED.get(plugin.type, f"unknown emitter: known: {', '.join((*EMITTERS, 'area'))}"))
     plugin.read.update(HARMLESS)
-    found = make(importer, plugin)
+    made = make(importer, plugin)
     importer.finish(plugin)
-    return found
+    return made
 
 
 def area_radiance(importer: Importer, plugin: Plugin) -> Color:
@@ -36,38 +37,33 @@ def area_radiance(importer: Importer, plugin: Plugin) -> Color:
     if plugin.type != "area":
         raise plugin.refuse(REFUSED.get(plugin.type, "an emitter of type area is expected within a shape"))
     plugin.read.update(HARMLESS)
-    found = color_or_texture(importer, plugin, "radiance", default=WHITE, role=EMISSION)
+    radiance = color_or_texture(importer, plugin, "radiance", default=WHITE, role=EMISSION)
     importer.finish(plugin)
-    return found
+    return radiance
 
 
 def _light_color(importer: Importer, plugin: Plugin, name: str) -> Triple:
     nested = importer.named(plugin, name)
     if nested is not None:
-        found = texture(importer, nested, EMISSION)
-        if not isinstance(found, tuple):
+        radiance = texture(importer, nested, EMISSION)
+        if not isinstance(radiance, tuple):
             raise nested.refuse(f"{name} as a texture is not supported: a colour is expected")
-        return found
+        return radiance
     element = plugin.spectrum(name)
     return WHITE if element is None else color(element, EMISSION)
 
 
-def _vector(values: Matrix) -> Triple:
-    x, y, z = (float(x) for x in values)
-    return x, y, z
-
-
 def _direction(plugin: Plugin, vector: Triple) -> Triple:
-    found = unit(vector)
-    if found is None:
+    direction = unit(vector)
+    if direction is None:
         raise plugin.refuse("the direction must not be zero")
-    return found
+    return direction
 
 
 def _point(importer: Importer, plugin: Plugin) -> PointLight:
     position = plugin.point("position")
     if position is None:
-        position = _vector(plugin.transform()[:3, 3])
+        position = triple(plugin.transform()[:3, 3])
     elif plugin.has("to_world"):
         raise plugin.refuse("either position or to_world")
     return PointLight(position, _light_color(importer, plugin, "intensity"))
@@ -83,14 +79,14 @@ def _spot(importer: Importer, plugin: Plugin) -> SpotLight:
         raise plugin.refuse_property("beam_width", f"must not exceed cutoff_angle, which is {cutoff:g}")
     if importer.named(plugin, "texture") is not None:
         raise plugin.refuse("a texture of a spot light is not supported")
-    direction = _direction(plugin, _vector(matrix[:3, 2]))
-    return SpotLight(_vector(matrix[:3, 3]), direction, _light_color(importer, plugin, "intensity"), cutoff, beam_width)
+    direction = _direction(plugin, triple(matrix[:3, 2]))
+    return SpotLight(triple(matrix[:3, 3]), direction, _light_color(importer, plugin, "intensity"), cutoff, beam_width)
 
 
 def _directional(importer: Importer, plugin: Plugin) -> DirectionalLight:
     vector = plugin.point("direction")
     if vector is None:
-        vector = _vector(plugin.transform()[:3, 2])
+        vector = triple(plugin.transform()[:3, 2])
     elif plugin.has("to_world"):
         raise plugin.refuse("either direction or to_world")
     return DirectionalLight(_direction(plugin, vector), _light_color(importer, plugin, "irradiance"))
@@ -106,7 +102,7 @@ def rotation(plugin: Plugin) -> tuple[Triple, Triple, Triple]:
     linear = plugin.transform()[:3, :3]
     if similarity(linear) is None:
         raise plugin.refuse("to_world of an environment must be a rotation")
-    a, b, c = (_vector(row) for row in nearest_orthogonal(linear))
+    a, b, c = map(triple, nearest_orthogonal(linear))
     return a, b, c
 
 
@@ -124,9 +120,7 @@ def _envmap(importer: Importer, plugin: Plugin) -> EnvironmentLight:
 
 
 def _sky(importer: Importer, plugin: Plugin) -> EnvironmentLight:
-    image = baked(importer, plugin)
-    image.flags.writeable = False
-    return EnvironmentLight(WHITE, image.astype(np.float64), rows="poles")
+    return EnvironmentLight(WHITE, read_only(baked(importer, plugin).astype(np.float64)), rows="poles")
 
 
 EMITTERS: dict[str, Callable[[Importer, Plugin], Light]] = {

@@ -7,9 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import numpy as np
-
-from engines.scene.mesh import SINGULAR, Mesh
+from engines.scene.mesh import Mesh, is_singular
 from engines.scene.mitsuba_xml.context import Importer
 from engines.scene.mitsuba_xml.properties import Plugin
 from engines.scene.mitsuba_xml.shapes import shape
@@ -49,16 +47,15 @@ def _copies(importer: Importer, plugin: Plugin) -> Iterator[Shape]:
     if len(groups) != 1 or groups[0].type != "shapegroup":
         raise plugin.refuse("an instance has one shape, a shapegroup")
     matrix = plugin.transform()
-    largest = float(np.abs(matrix[:3, :3]).max())
-    if largest == 0.0 or not abs(np.linalg.det(matrix[:3, :3] / largest)) > SINGULAR:
+    if is_singular(matrix[:3, :3]):
         raise plugin.refuse("to_world of an instance must not flatten")
     importer.outer = matrix
     for inner in _members(importer, groups[0]):
-        found = shape(importer, inner)
-        importer.copied += len(found.faces) if isinstance(found, Mesh) else 1
+        copy = shape(importer, inner)
+        importer.copied += len(copy.faces) if isinstance(copy, Mesh) else 1
         if importer.copied > MAX_COPIED:
             raise plugin.refuse(f"instances have more than {MAX_COPIED:,} triangles and other primitives in all")
-        yield found
+        yield copy
     importer.outer = None
     importer.finish(plugin)
 

@@ -41,23 +41,23 @@ def shader(importer: Importer, plugin: Plugin) -> dict[str, Any]:
     if plugin.type not in SUGGESTED and inner:
         importer.notes.add(f"integrator {plugin.type}: the one within it is taken", plugin.element)
         return shader(importer, inner[0]) if inner[0] is not plugin else {"name": "path_tracer"}
-    found: dict[str, Any] = {"name": "path_tracer"}
+    suggested: dict[str, Any] = {"name": "path_tracer"}
     volumetric = plugin.type in VOLUMETRIC
     if plugin.boolean("hide_emitters", default=False):
-        found["hide_emitters"] = True
+        suggested["hide_emitters"] = True
         if plugin.type == "direct":
             importer.notes.add("integrator direct: environments are hidden behind null surfaces as well", plugin.element)
     if plugin.type == "direct":
-        found["max_depth"] = 2
+        suggested["max_depth"] = 2
         plugin.read.update(("shading_samples", "emitter_samples", "bsdf_samples"))
     else:
         depth = plugin.integer("max_depth", default=-1, low=-1, high=2**31 - 1)
-        found["max_depth"] = UNLIMITED if depth < 0 else min(max(depth, 1), UNLIMITED)
+        suggested["max_depth"] = UNLIMITED if depth < 0 else min(max(depth, 1), UNLIMITED)
         rr_depth = max(plugin.integer("rr_depth", default=5, low=-1, high=2**31 - 1), 1)
-        found["rr_depth"] = min(rr_depth + volumetric, 1_000_000)
+        suggested["rr_depth"] = min(rr_depth + volumetric, 1_000_000)
     bsdfs = [material.as_bsdf for material in importer.reader.table.materials]
     if volumetric and any(map(has_null_lobes, bsdfs)):
-        found["transparent_shadows"] = True
+        suggested["transparent_shadows"] = True
         if any(map(tilts_null_lobes, bsdfs)):
             said = "light samples pass null surfaces and masks inside of bump and normal maps, where Mitsuba's are blocked"
             importer.notes.add(f"integrator {plugin.type}: {said}", plugin.element)
@@ -68,4 +68,4 @@ def shader(importer: Importer, plugin: Plugin) -> dict[str, Any]:
     for name, element in plugin.unread():
         plugin.read.add(name)
         importer.notes.drop(f"{element.attributes['name']} of integrator {plugin.type}")
-    return found
+    return suggested

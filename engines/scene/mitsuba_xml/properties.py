@@ -15,7 +15,7 @@ import numpy as np
 from engines.errors import SceneError, suggestion
 from engines.scene.mitsuba_xml.document import Element
 from engines.scene.mitsuba_xml.transforms import Matrix, matrix, number, numbers
-from engines.scene.triple import Triple
+from engines.scene.triple import Triple, triple
 
 PLUGIN_TAGS = (
     "scene",
@@ -65,13 +65,13 @@ class Plugin:
         """How messages and materials call it."""
         return self.id or self.type
 
-    def refuse(self, wanted: str) -> SceneError:
+    def refuse(self, expected: str) -> SceneError:
         """The error to raise about this plugin."""
-        return self.element.refuse(wanted)
+        return self.element.refuse(expected)
 
-    def refuse_property(self, name: str, wanted: str) -> SceneError:
+    def refuse_property(self, name: str, expected: str) -> SceneError:
         """The error to raise about a property, or about the plugin where the property is missing."""
-        return self.values[name].refuse_value(wanted) if name in self.values else self.refuse(f"{name}: {wanted}")
+        return self.values[name].refuse_value(expected) if name in self.values else self.refuse(f"{name}: {expected}")
 
     # ---- values ------------------------------------------------------------------------------------------------------
 
@@ -91,20 +91,20 @@ class Plugin:
 
     def positive(self, *names: str, default: float) -> float:
         """A number above 0."""
-        found = self.number(*names, default=default)
-        if not found > 0.0:
+        value = self.number(*names, default=default)
+        if not value > 0.0:
             raise self.refuse_property(next(name for name in names if name in self.values), "must be greater than 0")
-        return found
+        return value
 
     def integer(self, *names: str, default: int, low: int, high: int) -> int:
         """A whole number in [low, high], however it is written."""
         element = self._get(*names)
         if element is None:
             return default
-        found = number_of(element)
-        if found != math.floor(found) or not low <= found <= high:
+        value = number_of(element)
+        if value != math.floor(value) or not low <= value <= high:
             raise element.refuse_value(f"must be a whole number in [{low}, {high}]")
-        return int(found)
+        return int(value)
 
     def boolean(self, *names: str, default: bool) -> bool:
         """`true`, `false`, 1 or 0."""
@@ -121,12 +121,12 @@ class Plugin:
         element = self._get(*names)
         if element is None:
             return default
-        found = element.required("value").strip()
+        value = element.required("value").strip()
         if known:
-            found = found.lower()
-            if found not in known:
-                raise element.refuse_value(suggestion(found, known))
-        return found
+            value = value.lower()
+            if value not in known:
+                raise element.refuse_value(suggestion(value, known))
+        return value
 
     def numbers(self, name: str) -> list[float]:
         """A list of numbers, which must be there."""
@@ -152,10 +152,8 @@ class Plugin:
         if element is None:
             return default
         if "value" in element.attributes:
-            x, y, z = numbers(element, "value", (3,))
-        else:
-            x, y, z = (numbers(element, axis, (1,))[0] for axis in "xyz")
-        return x, y, z
+            return triple(numbers(element, "value", (3,)))
+        return triple(numbers(element, axis, (1,))[0] for axis in "xyz")
 
     def transform(self, name: str = "to_world") -> Matrix:
         """(4, 4) a transform; the identity where there is none."""
@@ -200,13 +198,13 @@ def _name(child: Plugin | Element) -> str:
 def number_of(element: Element, low: float = -math.inf, high: float = math.inf) -> float:
     """The number of an element's `value`. Raises `SceneError` unless it lies in [low, high]."""
     try:
-        found = number(element.required("value").strip())
+        value = number(element.required("value").strip())
     except ValueError:
         raise element.refuse_value("must be a finite number") from None
-    if not low <= found <= high:
+    if not low <= value <= high:
         limits = f"must lie in [{low:g}, {high:g}]" if math.isfinite(high) else f"must be at least {low:g}"
         raise element.refuse_value(limits)
-    return found
+    return value
 
 
 def plugin_tree(element: Element, ids: dict[str, Plugin]) -> Plugin:

@@ -43,23 +43,23 @@ def import_scene(document: Document) -> Scene:
     _note_axes(importer, root)
     seen = _camera(importer, tree)
     lights = _lights(importer, tree)
-    found: list[Shape] = []
+    all_shapes: list[Shape] = []
     for plugin in importer.taken(tree, "shape"):
-        found += shapes(importer, plugin)
+        all_shapes += shapes(importer, plugin)
     suggested = _integrator(importer, tree)
     _finish(importer, tree)
     reader.warnings += importer.notes.sentences()
-    seen = _unclipped(seen, found)
+    seen = _unclipped(seen, all_shapes)
     materials = reader.table.materials
     return Scene(
         name=name,
         camera=seen,
         materials=tuple(materials),
-        shapes=tuple(found),
+        shapes=tuple(all_shapes),
         lights=tuple(lights),
-        content_hash=content_hash(seen, materials, found, lights),
+        content_hash=content_hash(seen, materials, all_shapes, lights),
         source=str(file),
-        warnings=tuple(scene_warnings(reader, found, lights)),
+        warnings=tuple(scene_warnings(reader, all_shapes, lights)),
         shader=suggested,
     )
 
@@ -75,31 +75,31 @@ def _note_axes(importer: Importer, element: Element) -> None:
 
 
 def _integrator(importer: Importer, tree: Plugin) -> dict[str, Any] | None:
-    found = importer.taken(tree, "integrator")
-    if len(found) > 1:
-        importer.notes.add("of several integrators the first is taken", found[1].element)
-    return shader(importer, found[0]) if found else None
+    integrators = importer.taken(tree, "integrator")
+    if len(integrators) > 1:
+        importer.notes.add("of several integrators the first is taken", integrators[1].element)
+    return shader(importer, integrators[0]) if integrators else None
 
 
 def _camera(importer: Importer, tree: Plugin) -> Camera:
-    found = importer.taken(tree, "sensor")
-    if not found:
+    sensors = importer.taken(tree, "sensor")
+    if not sensors:
         raise tree.refuse("has no sensor")
-    if len(found) > 1:
-        importer.notes.add(f"of {len(found)} sensors the first is taken", found[1].element)
-    return camera(importer, found[0])
+    if len(sensors) > 1:
+        importer.notes.add(f"of {len(sensors)} sensors the first is taken", sensors[1].element)
+    return camera(importer, sensors[0])
 
 
 def _lights(importer: Importer, tree: Plugin) -> list[Light]:
-    found: list[Light] = []
+    lights: list[Light] = []
     for plugin in importer.taken(tree, "emitter"):
         if plugin.type == "area":
             continue  # that of a shape which refers to it
         made = light(importer, plugin)
-        if isinstance(made, EnvironmentLight) and any(isinstance(other, EnvironmentLight) for other in found):
+        if isinstance(made, EnvironmentLight) and any(isinstance(other, EnvironmentLight) for other in lights):
             raise plugin.refuse("a second environment: a scene may have one")
-        found.append(made)
-    return found
+        lights.append(made)
+    return lights
 
 
 def _finish(importer: Importer, tree: Plugin) -> None:
@@ -124,14 +124,14 @@ def _finish(importer: Importer, tree: Plugin) -> None:
 # ---- clipping planes -------------------------------------------------------------------------------------------------
 
 
-def _unclipped(seen: Camera, found: list[Shape]) -> Camera:
+def _unclipped(seen: Camera, scene_shapes: list[Shape]) -> Camera:
     """The camera without clipping planes that cannot clip anything: rays that need not be clipped are cheaper."""
     if isinstance(seen, CustomCamera | PerspectiveArctan):
         return seen
     near, far = seen.clip
     eye, axis = np.array(seen.eye), np.subtract(seen.target, seen.eye)
     axis /= np.linalg.norm(axis)
-    boxes = [_boxes(shape) for shape in found]
+    boxes = [_boxes(shape) for shape in scene_shapes]
     low, high = (np.concatenate([box[side] for box in boxes] or [np.empty((0, 3))]) for side in (0, 1))
     # the farthest and nearest depth of any corner of each box
     center, half = (low + high) / 2.0 - eye, (high - low) / 2.0

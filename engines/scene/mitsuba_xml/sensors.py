@@ -12,11 +12,12 @@ from engines.scene.cameras import LARGEST_SIDE, Camera, Orthographic, Perspectiv
 from engines.scene.mitsuba_xml.context import Importer
 from engines.scene.mitsuba_xml.properties import Plugin
 from engines.scene.mitsuba_xml.transforms import RIGID, Matrix, similarity
-from engines.scene.triple import Triple
+from engines.scene.triple import triple
 
 NEAR, FAR = 1e-2, 1e4
 """Clipping planes of Mitsuba's cameras where a file gives none."""
 DEFAULT_SIZE = (768, 576)
+"""Of a film that does not say."""
 DIAGONAL = math.hypot(36.0, 24.0)
 """Of 35 mm film, in millimetres: what focal lengths refer to."""
 AXES = ("x", "y", "smaller", "larger", "diagonal")
@@ -52,10 +53,10 @@ def camera(importer: Importer, plugin: Plugin) -> Camera:
     size = _film(importer, plugin)
     for medium in importer.taken(plugin, "medium"):
         raise medium.refuse("media are not supported")
-    found = make(importer, plugin, size)
+    made = make(importer, plugin, size)
     plugin.read.update(HARMLESS_SENSOR)
     importer.finish(plugin)
-    return found
+    return made
 
 
 def _film(importer: Importer, plugin: Plugin) -> tuple[int, int]:
@@ -65,28 +66,26 @@ def _film(importer: Importer, plugin: Plugin) -> tuple[int, int]:
     film = films[0]
     if film.type == "specfilm":
         raise film.refuse("spectral films are not supported")
-    sides = (("width", DEFAULT_SIZE[0]), ("height", DEFAULT_SIZE[1]))
-    width, height = (film.integer(name, default=side, low=1, high=LARGEST_SIDE) for name, side in sides)
-    crop = [
-        film.integer(f"crop_{name}", default=full, low=0, high=LARGEST_SIDE)
-        for name, full in (("offset_x", 0), ("offset_y", 0), ("width", width), ("height", height))
-    ]
-    if crop != [0, 0, width, height]:
-        raise film.refuse("a crop of the film is not supported: leave crop_ out")
+    size = film_size(film)
     for rfilter in importer.taken(film, "rfilter"):
         importer.notes.drop(f"filter {rfilter.type}")
     importer.notes.drop(f"film {film.type} but its size")
     film.read.update(HARMLESS_FILM)
     importer.finish(film)
+    return size
+
+
+def film_size(film: Plugin) -> tuple[int, int]:
+    """Width and height in pixels. Raises `SceneError`, for a film that is cropped, too."""
+    sides = (("width", DEFAULT_SIZE[0]), ("height", DEFAULT_SIZE[1]))
+    width, height = (film.integer(name, default=side, low=1, high=LARGEST_SIDE) for name, side in sides)
+    for name, whole in (("offset_x", 0), ("offset_y", 0), ("width", width), ("height", height)):
+        if film.integer(f"crop_{name}", default=whole, low=0, high=LARGEST_SIDE) != whole:
+            raise film.refuse("a crop of the film is not supported: leave crop_ out")
     return width, height
 
 
 # ---- frames ----------------------------------------------------------------------------------------------------------
-
-
-def _triple(values: Matrix) -> Triple:
-    x, y, z = (float(x) for x in values)
-    return x, y, z
 
 
 def _frame(matrix: Matrix) -> dict[str, Any]:
@@ -96,7 +95,7 @@ def _frame(matrix: Matrix) -> dict[str, Any]:
     # a target as far away as the eye is from the origin: the direction keeps its digits
     target = eye + forward / reach * max(1.0, float(np.abs(eye).max()))
     mirror = bool(np.dot(np.cross(up, forward), left) < 0.0)
-    return {"eye": _triple(eye), "target": _triple(target), "up": _triple(up / np.linalg.norm(up)), "mirror": mirror}
+    return {"eye": triple(eye), "target": triple(target), "up": triple(up / np.linalg.norm(up)), "mirror": mirror}
 
 
 def _clip(plugin: Plugin) -> tuple[float, float]:
@@ -136,12 +135,12 @@ def _focal_length(plugin: Plugin) -> float:
     """Millimetres."""
     text = (plugin.text("focal_length", default="50mm") or "").removesuffix("mm").strip()
     try:
-        found = float(text)
+        millimetres = float(text)
     except ValueError:
-        found = -1.0
-    if not 1e-3 <= found <= 1e6:
+        millimetres = -1.0
+    if not 1e-3 <= millimetres <= 1e6:
         raise plugin.refuse_property("focal_length", "must be millimetres, such as 50mm")
-    return found
+    return millimetres
 
 
 # ---- sensors ---------------------------------------------------------------------------------------------------------

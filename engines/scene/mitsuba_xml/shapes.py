@@ -3,28 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engines.scene import tessellate
-from engines.scene.bsdf import Bsdf, Diffuse, Sides
+from engines.scene.bsdf import Bsdf, Sides
 from engines.scene.bsdf_tree import anisotropic, is_textured, leaves
+from engines.scene.formats.mesh import MeshData, read_mesh_file
 from engines.scene.frames import mitsuba_frame
-from engines.scene.geometry import unit_rows, with_face_normals
-from engines.scene.mesh import Mesh, faceted
+from engines.scene.geometry import angle_weighted_normals, unit_rows, with_face_normals
+from engines.scene.mesh import Mesh, faceted, read_only_mesh
 from engines.scene.mitsuba_xml.bsdfs import bsdf, turned
 from engines.scene.mitsuba_xml.context import Importer
+from engines.scene.mitsuba_xml.document import Element
 from engines.scene.mitsuba_xml.emitters import area_radiance
-from engines.scene.mitsuba_xml.meshes import angle_weighted_normals, read_file
 from engines.scene.mitsuba_xml.properties import Plugin
 from engines.scene.mitsuba_xml.transforms import Matrix, cofactors, mirrored, placed, similarity
+from engines.scene.models import Diffuse
 from engines.scene.shapes import PART, Cylinder, Disk, Shape, Sphere
 from engines.scene.tessellate import Triangles
 from engines.scene.textures import Color, Texture
-from engines.scene.triple import BLACK, Triple
+from engines.scene.triple import BLACK, triple
 
 SEGMENTS, RINGS, DISK_RINGS = 192, 96, 16
 """Around a round shape, a chord of which lies 1.3e-4 radii within the circle; from pole to pole of a sphere; of a disk."""
@@ -42,10 +43,12 @@ class Look:
 
     @property
     def emits(self) -> bool:
+        """Whether the front emits light; a texture counts, even a black one."""
         return isinstance(self.radiance, Texture) or max(self.radiance) > 0.0
 
     @property
     def looks_at_uv(self) -> bool:
+        """Whether its emission or its BSDF has a texture."""
         return isinstance(self.radiance, Texture) or is_textured(self.bsdf)
 
 
@@ -60,23 +63,23 @@ def shape(importer: Importer, plugin: Plugin) -> Shape:
         raise inside.refuse("scattering below the surface is not supported")
     for sensor in importer.taken(plugin, "sensor"):
         raise sensor.refuse("a sensor on a shape is not supported")
-    found = make(importer, plugin, _look(importer, plugin))
+    made = make(importer, plugin, _look(importer, plugin))
     importer.finish(plugin)
-    importer.check_area(plugin, found)
-    return found
+    importer.check_area(plugin, made)
+    return made
 
 
 def _look(importer: Importer, plugin: Plugin) -> Look:
-    found = importer.taken(plugin, "bsdf")
+    bsdfs = importer.taken(plugin, "bsdf")
     emitters = importer.taken(plugin, "emitter")
-    for what, several in (("BSDF", found), ("emitter", emitters)):
+    for what, several in (("BSDF", bsdfs), ("emitter", emitters)):
         if len(several) > 1:
             raise plugin.refuse(f"has {len(several)} of {what}: a shape may have one")
     if emitters:
         importer.claim(emitters[0], plugin)
     radiance = area_radiance(importer, emitters[0]) if emitters else BLACK
-    if found:
-        return Look(bsdf(importer, found[0]), radiance, found[0].label)
+    if bsdfs:
+        return Look(bsdf(importer, bsdfs[0]), radiance, bsdfs[0].label)
     if emitters:
         return Look(None, radiance, "emitter")
     importer.one_sided["shapes without a BSDF"] = None
@@ -131,30 +134,17 @@ def finished(
 ) -> Mesh:
     """The mesh of these arrays, read-only, with the material of `look`."""
     material = importer.material(look.bsdf, look.radiance, look.name)
-    arrays = [
-        np.ascontiguousarray(vertices, np.float64),
-        np.ascontiguousarray(faces, np.int32),
-        np.full(len(faces), material, np.int32),
-    ]
-    more = [None if rows is None else np.ascontiguousarray(rows, np.float64) for rows in (normals, uvs)]
-    for array in (*arrays, *more):
-        if array is not None:
-            array.flags.writeable = False
-    name = plugin.id or plugin.type
-    return Mesh(arrays[0], arrays[1], arrays[2], more[0], name, more[1])
+    return read_only_mesh(vertices, faces, np.full(len(faces), material), normals, plugin.id or plugin.type, uvs)
 
 
 # ---- shapes ----------------------------------------------------------------------------------------------------------
 
 
-def _rectangle(importer: Importer, plugin: Plugin, look: Look) -> Mesh:
+def _flat(importer: Importer, plugin: Plugin, look: Look) -> Mesh:
+    """A rectangle or a cube."""
     turn = plugin.boolean("flip_normals", default=False)
-    return _mesh(importer, plugin, look, tessellate.rectangle(), importer.to_world(plugin), turn)
-
-
-def _cube(importer: Importer, plugin: Plugin, look: Look) -> Mesh:
-    turn = plugin.boolean("flip_normals", default=False)
-    return _mesh(importer, plugin, look, tessellate.cube(), importer.to_world(plugin), turn)
+    triangles = tessellate.rectangle() if plugin.type == "rectangle" else tessellate.cube()
+    return _mesh(importer, plugin, look, triangles, importer.to_world(plugin), turn)
 
 
 def _of_disk(importer: Importer, plugin: Plugin, look: Look) -> Shape:
@@ -166,7 +156,7 @@ def _of_disk(importer: Importer, plugin: Plugin, look: Look) -> Shape:
         normal = cofactors(matrix[:3, :3])[:, 2] * (-1.0 if mirrored(matrix) != turn else 1.0)
         length = float(np.linalg.norm(normal))
         material = importer.material(look.bsdf, look.radiance, look.name)
-        return Disk(_triple(matrix[:3, 3]), _triple(normal / length), radius, material)
+        return Disk(triple(matrix[:3, 3]), triple(normal / length), radius, material)
     else:
         importer.notes.add("a textured disk is made of triangles", plugin.element)
     return _mesh(importer, plugin, look, tessellate.disk(SEGMENTS, DISK_RINGS), matrix, turn)
@@ -191,7 +181,7 @@ def _sphere(importer: Importer, plugin: Plugin, look: Look) -> Shape:
     elif inside_out and look.emits:
         importer.notes.add("a sphere that emits inwards is made of triangles", plugin.element)
     else:
-        return Sphere(_triple(matrix[:3, 3]), scale, _round_material(importer, look, inside_out))
+        return Sphere(triple(matrix[:3, 3]), scale, _round_material(importer, look, inside_out))
     return _mesh(importer, plugin, look, tessellate.sphere(SEGMENTS, RINGS), matrix, inside_out)
 
 
@@ -206,10 +196,10 @@ def _cylinder(importer: Importer, plugin: Plugin, look: Look) -> Shape:
     local = np.eye(4)
     local[:3] = np.stack([*(side * radius for side in mitsuba_frame(axis)), axis * length, ends[0]], axis=1)
     matrix = matrix @ local
-    found = _round(matrix[:3, 0], matrix[:3, 1])
+    round_radius = _round(matrix[:3, 0], matrix[:3, 1])
     along = matrix[:3, 2] / max(float(np.linalg.norm(matrix[:3, 2])), 1e-300)
-    upright = found is not None and max(abs(float(matrix[:3, i] @ along)) for i in (0, 1)) <= 1e-4 * found
-    if found is None or not upright:
+    upright = round_radius is not None and max(abs(float(matrix[:3, i] @ along)) for i in (0, 1)) <= 1e-4 * round_radius
+    if round_radius is None or not upright:
         importer.notes.add("a stretched or sheared cylinder is made of triangles", plugin.element)
     elif look.looks_at_uv:
         importer.notes.add("a textured cylinder is made of triangles", plugin.element)
@@ -217,7 +207,7 @@ def _cylinder(importer: Importer, plugin: Plugin, look: Look) -> Shape:
         importer.notes.add("a cylinder that emits inwards is made of triangles", plugin.element)
     else:
         p0, p1 = matrix[:3, 3], matrix[:3, 3] + matrix[:3, 2]
-        return Cylinder(_triple(p0), _triple(p1), found, _round_material(importer, look, inside_out))
+        return Cylinder(triple(p0), triple(p1), round_radius, _round_material(importer, look, inside_out))
     return _mesh(importer, plugin, look, tessellate.cylinder(SEGMENTS), matrix, inside_out)
 
 
@@ -243,7 +233,7 @@ def _read(
     """Vertices, faces, normals and texture coordinates of a file as its `to_world` places them."""
     named, matrix = plugin.file("filename"), plugin.transform()
     turn, flat = plugin.boolean("flip_normals", default=False), plugin.boolean("face_normals", default=False)
-    data = read_file(importer, plugin, named, flat)
+    data = _mesh_data(importer, plugin, named, flat)
     vertices, faces = placed(matrix, data.vertices), data.faces
     importer.check_finite(plugin, vertices)
     if flat:
@@ -257,6 +247,20 @@ def _read(
     return vertices, _swapped(faces, against(vertices, faces, normals)), normals, uvs
 
 
+def _mesh_data(importer: Importer, plugin: Plugin, named: Element, flat: bool) -> MeshData:
+    """Vertices, faces, texture coordinates and (unless `flat`) normals of the file that is named."""
+    node, suffix = named.located(named.attributes["value"]), f".{plugin.type}"
+    shape_index = plugin.integer("shape_index", default=0, low=0, high=2**31 - 1) if suffix == ".serialized" else 0
+    flip = plugin.boolean("flip_tex_coords", default=suffix == ".obj") if suffix != ".serialized" else False
+    file = importer.place.find(node, node.value)
+    data = read_mesh_file(node, file, not flat, True, shape_index, flip_v=flip, suffix=suffix)
+    for note in data.warnings:
+        importer.notes.add(note, named)
+    if flip and suffix != ".obj" and data.uvs is not None:
+        data = replace(data, uvs=data.uvs * [1.0, -1.0] + [0.0, 1.0])
+    return data
+
+
 def _round(s: NDArray[np.float64], t: NDArray[np.float64]) -> float | None:
     """The radius of the ellipse with these half axes, where it is a circle."""
     a, b = float(np.linalg.norm(s)), float(np.linalg.norm(t))
@@ -267,18 +271,13 @@ def _round(s: NDArray[np.float64], t: NDArray[np.float64]) -> float | None:
 
 
 def _round_material(importer: Importer, look: Look, inside_out: bool) -> int:
-    found = look.bsdf if look.bsdf is None or not inside_out else turned(look.bsdf)
-    return importer.material(found, look.radiance, look.name)
-
-
-def _triple(values: Any) -> Triple:
-    x, y, z = (float(value) for value in values)
-    return x, y, z
+    seen = look.bsdf if look.bsdf is None or not inside_out else turned(look.bsdf)
+    return importer.material(seen, look.radiance, look.name)
 
 
 SHAPES: dict[str, Callable[[Importer, Plugin, Look], Shape]] = {
-    "rectangle": _rectangle,
-    "cube": _cube,
+    "rectangle": _flat,
+    "cube": _flat,
     "disk": _of_disk,
     "sphere": _sphere,
     "cylinder": _cylinder,

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene.triple import Triple
+from engines.scene.triple import Triple, triple
 
 FLAT_SPECTRUM: Triple = (1.20479, 0.94829, 0.90892)
 """The light of a spectrum that is 1 at every wavelength."""
@@ -62,8 +62,7 @@ def rgb_of_samples(samples: NDArray[np.float64], light: bool) -> Triple:
     values = np.interp(wavelengths, *samples, left=0.0, right=0.0)
     weight = np.ones_like(d65) if light else d65
     xyz = np.array([curve @ (values * weight) for curve in (x, y, z)]) / (y @ weight)
-    r, g, b = (XYZ_TO_RGB @ xyz).tolist()
-    return r, g, b
+    return triple(XYZ_TO_RGB @ xyz)
 
 
 def rgb_of_black_body(kelvin: float) -> Triple:
@@ -71,8 +70,7 @@ def rgb_of_black_body(kelvin: float) -> Triple:
     wavelengths = np.arange(FIRST, FIRST + STEP * 94.5)
     with np.errstate(over="ignore"):
         radiance = 1.19104297e20 / wavelengths**5 / np.expm1(1.438776877e7 / (wavelengths * kelvin))
-    r, g, b = rgb_of_samples(np.stack([wavelengths, radiance]), light=True)
-    return max(0.0, r), max(0.0, g), max(0.0, b)
+    return triple(max(0.0, x) for x in rgb_of_samples(np.stack([wavelengths, radiance]), light=True))
 
 
 def _table() -> NDArray[np.float64]:

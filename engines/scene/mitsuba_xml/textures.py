@@ -8,12 +8,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from engines.scene.geometry import read_only
 from engines.scene.mitsuba_xml.colors import EMISSION, HOTTEST, REFLECTANCE, checked_color, color, of_black_body, of_samples
 from engines.scene.mitsuba_xml.context import Importer
 from engines.scene.mitsuba_xml.document import Element
 from engines.scene.mitsuba_xml.properties import Plugin
-from engines.scene.textures import IDENTITY, Checkerboard, Color, ImageTexture, Number, Texture, UVMatrix
-from engines.scene.triple import BLACK, Triple
+from engines.scene.textures import IDENTITY, Checkerboard, Color, ImageTexture, Number, Texture, UVMatrix, tinted
+from engines.scene.triple import BLACK, WHITE, Triple, product
 
 FILTERS = {"bilinear": "bilinear", "nearest": "nearest", "trilinear": "bilinear", "ewa": "bilinear"}
 VECTORS = ("vector", "point")
@@ -24,8 +25,8 @@ HARMLESS = ("accel", "format", "cache", "max_anisotropy", "bitmap_cache")
 def color_or_texture(importer: Importer, plugin: Plugin, *names: str, default: Triple, role: str = REFLECTANCE) -> Color:
     """The colour of a property, or the texture that stands for it; several names are older names of the same property."""
     for name in names:
-        if (found := importer.named(plugin, name)) is not None:
-            return texture(importer, found, role)
+        if (nested := importer.named(plugin, name)) is not None:
+            return texture(importer, nested, role)
     element = plugin.spectrum(*names)
     return default if element is None else color(element, role)
 
@@ -35,13 +36,13 @@ def number_or_texture(
 ) -> Number:
     """The number of a property, or the texture that stands for it. A colour gives its mean."""
     for name in names:
-        if (found := importer.named(plugin, name)) is not None:
-            made = texture(importer, found)
-            if found.type == "rawconstant" and found.values["value"].tag in VECTORS:
-                raise found.refuse("a number is expected here, not a vector")
+        if (nested := importer.named(plugin, name)) is not None:
+            made = texture(importer, nested)
+            if nested.type == "rawconstant" and nested.values["value"].tag in VECTORS:
+                raise nested.refuse("a number is expected here, not a vector")
             if not isinstance(made, tuple):
                 return _as_number(made)
-            return _checked(found, sum(made) / 3.0, low, high)
+            return _checked(nested, sum(made) / 3.0, low, high)
     element = plugin.spectrum(*names)
     if element is not None and element.tag in ("rgb", "srgb", "spectrum"):
         return _checked(plugin, sum(color(element, REFLECTANCE)) / 3.0, low, high)
@@ -54,9 +55,9 @@ def _checked(plugin: Plugin, value: float, low: float, high: float) -> float:
     return value
 
 
-def _as_number(found: Texture) -> Texture:
+def _as_number(made: Texture) -> Texture:
     """Read as a number, Mitsuba's checkerboard has its two colours exchanged."""
-    return dataclasses.replace(found, a=found.b, b=found.a) if isinstance(found, Checkerboard) else found
+    return dataclasses.replace(made, a=made.b, b=made.a) if isinstance(made, Checkerboard) else made
 
 
 def texture(importer: Importer, plugin: Plugin, role: str = REFLECTANCE) -> Texture | Triple:
@@ -76,14 +77,12 @@ def texture(importer: Importer, plugin: Plugin, role: str = REFLECTANCE) -> Text
 
 def image_texture(importer: Importer, plugin: Plugin, role: str = REFLECTANCE) -> ImageTexture:
     """The image of a plugin whose gradient or texels are expected. Raises `SceneError` for anything else."""
-    found = texture(importer, plugin, role)
-    if plugin.type == "rawconstant" and isinstance(found, tuple):
-        pixels = np.array(found, np.float32).reshape(1, 1, 3)
-        pixels.flags.writeable = False
-        return ImageTexture(pixels, name=plugin.label)
-    if not isinstance(found, ImageTexture):
+    made = texture(importer, plugin, role)
+    if plugin.type == "rawconstant" and isinstance(made, tuple):
+        return ImageTexture(read_only(np.array(made, np.float32).reshape(1, 1, 3)), name=plugin.label)
+    if not isinstance(made, ImageTexture):
         raise plugin.refuse("an image is expected here: a bitmap texture")
-    return found
+    return made
 
 
 # ---- bitmap ----------------------------------------------------------------------------------------------------------
@@ -98,8 +97,7 @@ def _bitmap(importer: Importer, plugin: Plugin, role: str) -> ImageTexture:
     channel = plugin.text("channel", default="", known=("", "r", "g", "b", "a", "all")) or ""
     pixels, name = _pixels(importer, named, raw or gamma > 0.0, "" if channel == "all" else channel)
     if gamma > 0.0 and gamma != 1.0:
-        pixels = np.power(np.maximum(pixels, 0.0), np.float32(gamma))
-        pixels.flags.writeable = False
+        pixels = read_only(np.power(np.maximum(pixels, 0.0), np.float32(gamma)))
     kind = plugin.text("filter_type", "filter", default="bilinear", known=FILTERS) or ""
     if kind != FILTERS[kind]:
         importer.notes.add(f"filter_type {kind} of a texture is taken as {FILTERS[kind]}", plugin.element)
@@ -118,8 +116,8 @@ def _pixels(importer: Importer, named: Element, raw: bool, channel: str) -> tupl
 
 
 def _wrap(plugin: Plugin) -> str:
-    found = plugin.text("wrap_mode", default="repeat", known=WRAPS) or ""
-    both = [plugin.text(name, default=found, known=WRAPS) or "" for name in ("wrap_mode_u", "wrap_mode_v")]
+    mode = plugin.text("wrap_mode", default="repeat", known=WRAPS) or ""
+    both = [plugin.text(name, default=mode, known=WRAPS) or "" for name in ("wrap_mode_u", "wrap_mode_v")]
     if both[0] != both[1]:
         raise plugin.refuse_property("wrap_mode_v", "must equal wrap_mode_u")
     return both[0]
@@ -146,10 +144,10 @@ def _to_uv(importer: Importer, plugin: Plugin) -> UVMatrix:
 def _checkerboard(importer: Importer, plugin: Plugin, role: str) -> Checkerboard:
     colors: list[Triple] = []
     for name, default in (("color0", Checkerboard().a), ("color1", Checkerboard().b)):
-        found = color_or_texture(importer, plugin, name, default=default, role=role)
-        if not isinstance(found, tuple):
+        square = color_or_texture(importer, plugin, name, default=default, role=role)
+        if not isinstance(square, tuple):
             raise plugin.refuse(f"{name}: a colour is expected, not a texture")
-        colors.append(found)
+        colors.append(square)
     plugin.read.add("line_width")
     return Checkerboard(colors[0], colors[1], _to_uv(importer, plugin))
 
@@ -159,20 +157,9 @@ def _scaled(importer: Importer, plugin: Plugin, role: str) -> Texture | Triple:
     inner = importer.taken(plugin, "texture", "spectrum")
     if len(inner) != 1:
         raise plugin.refuse("one nested texture is expected")
-    found, element = texture(importer, inner[0], role), plugin.spectrum("scale", "value")
-    factor = (1.0, 1.0, 1.0) if element is None else color(element, "factor")
-    if isinstance(found, ImageTexture):
-        grey = found.pixels.shape[2] == 1 and factor[0] == factor[1] == factor[2]
-        pixels = found.pixels * np.array(factor[:1] if grey else factor, np.float32)
-        pixels.flags.writeable = False
-        return dataclasses.replace(found, pixels=pixels)
-    if isinstance(found, Checkerboard):
-        return dataclasses.replace(found, a=_product(found.a, factor), b=_product(found.b, factor))
-    return _product(found, factor)
-
-
-def _product(a: Triple, b: Triple) -> Triple:
-    return a[0] * b[0], a[1] * b[1], a[2] * b[2]
+    scaled, element = texture(importer, inner[0], role), plugin.spectrum("scale", "value")
+    factor = WHITE if element is None else color(element, "factor")
+    return product(scaled, factor) if isinstance(scaled, tuple) else tinted(scaled, factor)
 
 
 def _constant(importer: Importer, plugin: Plugin, role: str) -> Triple:

@@ -26,13 +26,13 @@ def numbers(element: Element, attribute: str, counts: tuple[int, ...]) -> list[f
     text = element.required(attribute)
     words = [word for word in re.split(r"[,\s]+", text) if word] if len(text) < 1000 else []
     try:
-        found = [number(word) for word in words]
+        values = [number(word) for word in words]
     except ValueError:
-        found = []
-    if len(found) not in counts:
-        wanted = "a finite number" if counts == (1,) else f"{' or '.join(map(str, counts))} finite numbers"
-        raise element.refuse(f'{attribute} = "{text[:80]}": must be {wanted}')
-    return found
+        values = []
+    if len(values) not in counts:
+        expected = "a finite number" if counts == (1,) else f"{' or '.join(map(str, counts))} finite numbers"
+        raise element.refuse(f'{attribute} = "{text[:80]}": must be {expected}')
+    return values
 
 
 def number(text: str) -> float:
@@ -45,30 +45,30 @@ def number(text: str) -> float:
 
 def matrix(element: Element) -> Matrix:
     """The matrix of a `transform` element: its children apply one after the other."""
-    found = np.eye(4)
+    product = np.eye(4)
     for child in element.children:
         make = _STEPS.get(child.tag.lower())
         if make is None:
             raise child.refuse(f"unknown transform: known: {', '.join(_STEPS)}")
         with np.errstate(over="ignore", invalid="ignore"):
-            found = make(child) @ found
-        if not (np.abs(found) < 1e30).all():
+            product = make(child) @ product
+        if not (np.abs(product) < 1e30).all():
             raise child.refuse("the transform leaves the range of numbers")
-    return found
+    return product
 
 
 def _xyz(element: Element, default: float) -> NDArray[np.float64]:
     """`value` with one number or three, or `x`, `y` and `z`."""
     if "value" in element.attributes:
-        found = numbers(element, "value", (1, 3))
-        return np.array(found * 3 if len(found) == 1 else found)
+        values = numbers(element, "value", (1, 3))
+        return np.array(values * 3 if len(values) == 1 else values)
     return np.array([numbers(element, axis, (1,))[0] if axis in element.attributes else default for axis in "xyz"])
 
 
 def _translate(element: Element) -> Matrix:
-    found = np.eye(4)
-    found[:3, 3] = _xyz(element, 0.0)
-    return found
+    translation = np.eye(4)
+    translation[:3, 3] = _xyz(element, 0.0)
+    return translation
 
 
 def _scale(element: Element) -> Matrix:
@@ -84,12 +84,13 @@ def _rotate(element: Element) -> Matrix:
     as_given = has_odd_axis(element) and not element.source.old
     x, y, z = axis if as_given else axis / length
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    found = np.eye(4)
+    rotation = np.eye(4)
     if as_given:
-        found[:3, :3] = math.cos(angle) * np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * np.outer(axis, axis)
+        cos, sin = math.cos(angle), math.sin(angle)
+        rotation[:3, :3] = cos * np.eye(3) + sin * cross + (1.0 - cos) * np.outer(axis, axis)
     else:
-        found[:3, :3] += math.sin(angle) * cross + (1.0 - math.cos(angle)) * cross @ cross
-    return found
+        rotation[:3, :3] += math.sin(angle) * cross + (1.0 - math.cos(angle)) * cross @ cross
+    return rotation
 
 
 def has_odd_axis(element: Element) -> bool:
@@ -99,14 +100,14 @@ def has_odd_axis(element: Element) -> bool:
 
 def _matrix(element: Element) -> Matrix:
     values = numbers(element, "value", (9, 16))
-    found = np.eye(4)
+    rows = np.eye(4)
     if len(values) == 9:
-        found[:3, :3] = np.reshape(values, (3, 3))
-        return found
-    found[:] = np.reshape(values, (4, 4))
-    if found[3].tolist() != [0.0, 0.0, 0.0, 1.0]:
+        rows[:3, :3] = np.reshape(values, (3, 3))
+        return rows
+    rows[:] = np.reshape(values, (4, 4))
+    if rows[3].tolist() != [0.0, 0.0, 0.0, 1.0]:
         raise element.refuse("the last row of a matrix must be 0 0 0 1: projections are not supported")
-    return found
+    return rows
 
 
 def _look_at(element: Element) -> Matrix:

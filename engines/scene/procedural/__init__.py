@@ -12,19 +12,7 @@ gears are made of triangles here.
 
 from __future__ import annotations
 
-from engines.scene.procedural import (
-    furniture,
-    gears,
-    growth,
-    rods,
-    solids,
-    sphereflake,
-    stadium,
-    surfaces,
-    sweeps,
-    teapot,
-    tetra,
-)
+from engines.scene.procedural import furniture, gears, growth, rods, solids, sphereflake, stadium, surfaces, sweeps, teapot
 from engines.schema.keys import Record, Tagged
 
 __all__ = ["GENERATORS", "PROCEDURAL"]
@@ -33,7 +21,6 @@ GENERATORS: dict[str, Record] = {
     **sphereflake.GENERATORS,
     **solids.GENERATORS,
     **surfaces.GENERATORS,
-    **tetra.GENERATORS,
     **rods.GENERATORS,
     **gears.GENERATORS,
     **teapot.GENERATORS,

@@ -124,7 +124,7 @@ def _block(
 ) -> list[Patch]:
     """The six sides of a box; that towards +z shows the columns `shown` of a texture, the others are `plain`."""
     ends = np.array([low, high])
-    found = []
+    patches = []
     for axis, sign in SIDES:
         i, j = (axis + 1) % 3, (axis + 2) % 3
         corners = np.empty((4, 3))
@@ -136,8 +136,8 @@ def _block(
             share = (corners[:, :2] - low[:2]) / np.subtract(high[:2], low[:2])
             uvs = np.stack([shown[0] + share[:, 0] * (shown[1] - shown[0]), 1.0 - share[:, 1]], axis=1)
         normals = np.tile(sign * np.eye(3)[axis], (4, 1))
-        found.append(Patch(corners, unit_rows(normals), uvs, np.array([[0, 1, 2], [0, 2, 3]], np.int32)))
-    return found
+        patches.append(Patch(corners, unit_rows(normals), uvs, np.array([[0, 1, 2], [0, 2, 3]], np.int32)))
+    return patches
 
 
 GENERATORS = {

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene.mesh import Mesh, read_only_mesh
-from engines.scene.sphere_set import SphereSet
+from engines.scene.geometry import read_only
+from engines.scene.mesh import Mesh, SphereSet, read_only_mesh
 from engines.schema.fields import refuse_above_memory
 from engines.schema.keys import Given, Key, Record
 from engines.schema.kinds import NUMBER, POINT, POSITIVE
@@ -66,9 +66,7 @@ def generator(
                     faces = np.arange(len(vertices), dtype=np.int32).reshape(-1, 3)
             materials = np.full(len(faces), context.material, np.int32)
             return read_only_mesh(vertices, faces, materials, normals, made.name, uvs)
-        for array in arrays:
-            array.flags.writeable = False
-        return SphereSet(made.centers, made.radii, context.material, made.name)
+        return SphereSet(read_only(made.centers), read_only(made.radii), context.material, made.name)
 
     return Record(" ".join((make.__doc__ or "").split("\n\n")[0].split()), keys, shape)
 

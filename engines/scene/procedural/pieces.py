@@ -13,7 +13,7 @@ from engines.scene.procedural.generator import CENTER, ROTATE_Y, Faces, turned
 from engines.scene.triple import Triple
 from engines.schema import fields
 from engines.schema.keys import Key
-from engines.schema.kinds import NUMBER, Kind
+from engines.schema.kinds import NUMBER, Kind, array_of
 from engines.schema.yaml_file import Located
 
 Array = NDArray[np.float64]
@@ -75,8 +75,8 @@ def curve(points: Array, spans: int, closed: bool = False) -> Array:
 
 def tangents_of(path: Array, closed: bool = False) -> Array:
     """(n, k) unit tangents by differences of neighbours."""
-    found = np.roll(path, -1, axis=0) - np.roll(path, 1, axis=0) if closed else np.gradient(path, axis=0)
-    return found / np.linalg.norm(found, axis=1, keepdims=True)
+    differences = np.roll(path, -1, axis=0) - np.roll(path, 1, axis=0) if closed else np.gradient(path, axis=0)
+    return differences / np.linalg.norm(differences, axis=1, keepdims=True)
 
 
 def lengths(path: Array) -> Array:
@@ -100,13 +100,12 @@ def points_of(width: int, least: int) -> Kind:
     """A list of at least `least` rows of `width` numbers."""
 
     def read(node: Located) -> Array:
-        found = fields.rows(node, np.float64, width=width)
-        if len(found) < least:
-            raise node.refuse(f"{len(found)} points: at least {least} are expected")
-        return found
+        points = fields.rows(node, np.float64, width=width)
+        if len(points) < least:
+            raise node.refuse(f"{len(points)} points: at least {least} are expected")
+        return points
 
-    row = {"type": "array", "items": NUMBER.json, "minItems": width, "maxItems": width}
-    return Kind(read, {"type": "array", "items": row, "minItems": least})
+    return Kind(read, {"type": "array", "items": array_of(NUMBER.json, width), "minItems": least})
 
 
 TILT = Key(NUMBER, "Angle by which it is turned about +x, before rotate_y.", 0.0, unit="degrees")

@@ -38,6 +38,7 @@ class Structure(NamedTuple):
     radii: NDArray[np.float64]
 
     def part(self, name: str, part: str, sides: int, center: Triple) -> Faces | Spheres:
+        """Its "joints" as spheres, or its "rods" as tubes with so many `sides`, moved by `center`."""
         if part == "joints":
             return Spheres(self.centers + np.array(center), self.radii, f"{name} joints")
         return tubes(self.ends + np.array(center), self.end_radii, sides, f"{name} rods")
@@ -91,7 +92,7 @@ def _pentagons() -> NDArray[np.float64]:
     axes = [np.roll([0.0, golden, sign], k) for sign in (1.0, -1.0) for k in range(3)]
     octants = np.array(list(product((1.0, -1.0), repeat=3))) * [0.5 / golden, 0.5, 0.5 * golden]
     middles = np.concatenate([np.eye(3), -np.eye(3), *(np.roll(octants, k, axis=1) for k in range(3))])
-    found: list[NDArray[np.float64]] = []
+    pentagons: list[NDArray[np.float64]] = []
     taken: set[int] = set()
     for axis in axes:
         equator = np.flatnonzero(np.abs(middles @ axis) < 1e-9)
@@ -101,8 +102,8 @@ def _pentagons() -> NDArray[np.float64]:
         ordered = equator[np.argsort(angles)]
         chosen = next((half for half in (ordered[::2], ordered[1::2]) if not taken & set(half.tolist())), ordered[::2])
         taken |= set(chosen.tolist())
-        found.append(middles[chosen])
-    return np.array(found)
+        pentagons.append(middles[chosen])
+    return np.array(pentagons)
 
 
 # ---- lattice ----------------------------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Procedural shapes with few parameters: box, quad, rectangle, and the subdivided icosahedron."""
+"""Procedural shapes with few parameters: box, quad, rectangle, the subdivided icosahedron, and tetrahedra."""
 
 from __future__ import annotations
 
@@ -44,49 +44,13 @@ def rectangle(corner: Triple, edge1: Triple, edge2: Triple) -> Faces:
 def tessellated_sphere(subdivisions: int, center: Triple, radius: float) -> Faces:
     """An icosahedron whose faces are cut into four, again and again, with all vertices on the sphere."""
     golden = (1 + 5**0.5) / 2
-    vertices = (
-        np.array(
-            [
-                [-1, golden, 0],
-                [1, golden, 0],
-                [-1, -golden, 0],
-                [1, -golden, 0],
-                [0, -1, golden],
-                [0, 1, golden],
-                [0, -1, -golden],
-                [0, 1, -golden],
-                [golden, 0, -1],
-                [golden, 0, 1],
-                [-golden, 0, -1],
-                [-golden, 0, 1],
-            ]
-        )
-        / (1 + golden * golden) ** 0.5
-    )
-    faces = np.array(
-        [
-            [0, 11, 5],
-            [0, 5, 1],
-            [0, 1, 7],
-            [0, 7, 10],
-            [0, 10, 11],
-            [1, 5, 9],
-            [5, 11, 4],
-            [11, 10, 2],
-            [10, 7, 6],
-            [7, 1, 8],
-            [3, 9, 4],
-            [3, 4, 2],
-            [3, 2, 6],
-            [3, 6, 8],
-            [3, 8, 9],
-            [4, 9, 5],
-            [2, 4, 11],
-            [6, 2, 10],
-            [8, 6, 7],
-            [9, 8, 1],
-        ]
-    )
+    rectangle = np.array([[-1, golden, 0], [1, golden, 0], [-1, -golden, 0], [1, -golden, 0]])
+    vertices = np.concatenate([np.roll(rectangle, turn, axis=1) for turn in range(3)]) / (1 + golden * golden) ** 0.5
+    cap = [[0, 11, 5], [0, 5, 1], [0, 1, 7], [0, 7, 10], [0, 10, 11]]
+    belt = [[1, 5, 9], [5, 11, 4], [11, 10, 2], [10, 7, 6], [7, 1, 8]]
+    other_cap = [[3, 9, 4], [3, 4, 2], [3, 2, 6], [3, 6, 8], [3, 8, 9]]
+    other_belt = [[4, 9, 5], [2, 4, 11], [6, 2, 10], [8, 6, 7], [9, 8, 1]]
+    faces = np.array(cap + belt + other_cap + other_belt)
     for _ in range(subdivisions):
         vertices, faces = _subdivided(vertices, faces)
     return Faces(vertices * radius + np.array(center), faces.astype(np.int32), "tessellated_sphere")
@@ -105,18 +69,37 @@ def _subdivided(vertices: NDArray[np.float64], faces: NDArray[np.integer]) -> tu
     return np.concatenate([vertices, middle]), np.stack(parts, axis=1).reshape(-1, 3)
 
 
+TETRAHEDRON = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) / 3**0.5
+
+
+def tetra(level: int, center: Triple, radius: float) -> Faces:
+    """4^(level - 1) regular tetrahedra, closed and facing outwards, that touch in their corners.
+
+    Each of one level becomes four of half its size in its corners (the tetrahedron of tetrahedra of Haines' databases,
+    Sierpinski's in space); `radius` is that of the sphere around them all.
+    """
+    middles, size = np.zeros((1, 3)), 1.0
+    for _ in range(level - 1):
+        size /= 2.0
+        middles = (middles[:, None] + size * TETRAHEDRON).reshape(-1, 3)
+    vertices = (middles[:, None] + size * TETRAHEDRON).reshape(-1, 3) * radius + np.array(center)
+    sides = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]], np.int32)
+    faces = sides + 4 * np.arange(len(middles), dtype=np.int32)[:, None, None]
+    return Faces(vertices, faces.reshape(-1, 3), "tetra")
+
+
 def _positive_triple(node: Located) -> Triple:
-    found = fields.triple(node)
-    if min(found) <= 0.0:
-        raise node.refuse(f"{list(found)}: must be greater than 0")
-    return found
+    sides = fields.triple(node)
+    if min(sides) <= 0.0:
+        raise node.refuse(f"{list(sides)}: must be greater than 0")
+    return sides
 
 
 def _four_points(node: Located) -> NDArray[np.float64]:
-    found = fields.rows(node, np.float64)
-    if len(found) != 4:
-        raise node.refuse(f"{len(found)} points: four are expected")
-    return found
+    corners = fields.rows(node, np.float64)
+    if len(corners) != 4:
+        raise node.refuse(f"{len(corners)} points: four are expected")
+    return corners
 
 
 POSITIVE_TRIPLE = Kind(_positive_triple, POINT.json)
@@ -132,6 +115,11 @@ GENERATORS = {
             "radius": RADIUS,
         },
         lambda options: BYTES_PER_FACE * 20.0 * 4.0 ** options["subdivisions"],
+    ),
+    "tetra": generator(
+        tetra,
+        {"level": Key(integer(1, 30), "Generations; 4^level faces.", 4), "center": CENTER, "radius": RADIUS},
+        lambda options: BYTES_PER_FACE * 4.0 ** options["level"],
     ),
     "box": generator(
         box,

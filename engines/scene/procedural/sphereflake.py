@@ -14,6 +14,7 @@ from engines.schema.kinds import POSITIVE, integer
 
 
 def sphere_count(level: int) -> int:
+    """How many spheres a sphereflake of so many generations has."""
     return (9 ** (level + 1) - 1) // 8
 
 

@@ -58,12 +58,12 @@ def _runs(profile: Array) -> list[Array]:
 
 
 def _profile(node: Located) -> Array:
-    found = points_of(2, 2).reader(node)
-    if (found[:, 0] < 0.0).any():
+    profile = points_of(2, 2).reader(node)
+    if (profile[:, 0] < 0.0).any():
         raise node.refuse("radii must not be less than 0")
-    if not _runs(found):
+    if not _runs(profile):
         raise node.refuse("must have two points in succession that differ")
-    return found
+    return profile
 
 
 def tube(
@@ -126,10 +126,10 @@ def _untwisted(first: Array, along: Array) -> Array:
 
 
 def _apart(node: Located) -> Array:
-    found = points_of(3, 2).reader(node)
-    if (np.diff(found, axis=0) == 0.0).all(axis=1).any():
+    points = points_of(3, 2).reader(node)
+    if (np.diff(points, axis=0) == 0.0).all(axis=1).any():
         raise node.refuse("two points in succession must differ")
-    return found
+    return points
 
 
 def sheet(

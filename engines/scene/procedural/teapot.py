@@ -53,13 +53,13 @@ SPOUT = (
 def patches() -> NDArray[np.float64]:
     """(32, 4, 4, 3) control points; the front is d/drow x d/dcolumn, on the outside."""
     quarters = [_quarter(profile) for profile in PROFILES]
-    found = [_spun(quarter, turn) for quarter in quarters for turn in range(4)]
+    pieces = [_spun(quarter, turn) for quarter in quarters for turn in range(4)]
     for sections in (HANDLE, SPOUT):
         for side in (1.0, -1.0):
             around = np.array([_half_section(*section, side) for section in sections])
             ordered = around if side > 0 else around[:, ::-1]
-            found += [ordered[:4], ordered[3:]]
-    return np.array(found)
+            pieces += [ordered[:4], ordered[3:]]
+    return np.array(pieces)
 
 
 def _quarter(profile: tuple[tuple[float, float], ...]) -> NDArray[np.float64]:
