@@ -143,5 +143,9 @@ def _hash_of(file: Path, element: Element) -> bytes:
 
 
 def _size(sensor: Element) -> tuple[int, int]:
+    """Of what else stands in a film Mitsuba is the judge."""
     film = next((child for child in sensor.children if child.tag == "film"), None)
-    return DEFAULT_SIZE if film is None else film_size(plugin_tree(film, {}))
+    if film is None:
+        return DEFAULT_SIZE
+    sides = {snake_case(child.attributes.get("name", "")): child for child in film.children if child.tag == "integer"}
+    return film_size(plugin_tree(replace(film, children=list(sides.values())), {}))

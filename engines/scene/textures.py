@@ -85,7 +85,7 @@ def tinted(texture: Texture, factor: Triple) -> Texture:
 
 def _pair(node: Located, alone: bool) -> tuple[float, float]:
     """Two numbers, or one for both where one may stand `alone`."""
-    if alone and not isinstance(node.value, list):
+    if alone and not isinstance(node.value, (list, np.ndarray)):
         both = fields.number(node)
         return both, both
     expected = "must be a number, or two" if alone else "must be two numbers"

@@ -89,6 +89,15 @@ def _warn(plan: Plan, console: Console) -> None:
 
 def print_summary(console: Console, outcome: Outcome, folder: Path) -> None:
     """Prints what failed, the winners for each target, counts, and where the report is."""
+    print_failures(console, outcome, folder)
+    if (file := folder / store.WINNERS).is_file() and (winners := file.read_text("utf-8")):
+        console.print(winners, end="", markup=False, soft_wrap=not console.is_terminal)
+    counted = ", ".join(f"{count} {state}" for state, count in sorted(outcome.states.items()))
+    console.print(f"{counted}. Report: {folder / 'report.html'}", soft_wrap=True)
+
+
+def print_failures(console: Console, outcome: Outcome, folder: Path) -> None:
+    """Prints what failed, and where more is said of it."""
     for cell, event in outcome.failures:
         words = f"{event.state}: {progress.describe(cell)}: {event.message}"
         console.print(words, style=progress.COLOURS[event.state], markup=False, soft_wrap=True)
@@ -96,10 +105,6 @@ def print_summary(console: Console, outcome: Outcome, folder: Path) -> None:
         console.print(words, style=progress.COLOURS["failed"], markup=False, soft_wrap=True)
     if outcome.failures or outcome.failed_verify_jobs:
         console.print(f"What the engines printed is in {folder / 'worker.log'}; --retry measures these again.", soft_wrap=True)
-    if (file := folder / store.WINNERS).is_file() and (winners := file.read_text("utf-8")):
-        console.print(winners, end="", markup=False, soft_wrap=not console.is_terminal)
-    counted = ", ".join(f"{count} {state}" for state, count in sorted(outcome.states.items()))
-    console.print(f"{counted}. Report: {folder / 'report.html'}", soft_wrap=True)
 
 
 # --- plan -----------------------------------------------------------------------------------------------------------

@@ -112,12 +112,15 @@ def trace(
 
 
 def _print_rows(console: Console, outcome: Outcome, folder: Path) -> None:
-    """The table `rays` as JSON, a mapping a row."""
+    """The table `rays` as JSON, a mapping a row; what failed on stderr."""
+    from harness.cli import experiments
+    from harness.console import consoles
     from harness.report.tables.rays import rays as table_of
     from harness.store.results import load_results
 
     text = table_of(load_results(folder)).frame.to_json(orient="records", indent=1, double_precision=15)
     console.print(text, markup=False, soft_wrap=True)
+    experiments.print_failures(consoles()[1], outcome, folder)
 
 
 def _declined(folder: Path) -> int:

@@ -43,6 +43,7 @@ CASES: tuple[Case, ...] = tuple(case for module in (*_TRACING, *_RENDERING) for 
 
 
 def case_of(id: str) -> Case:
+    """The case of an id of the suite; raises `StopIteration` for another text."""
     return next(case for case in CASES if case.id == id)
 
 

@@ -1,5 +1,6 @@
 """Renderers by process: what is passed to them, what is believed of what they answer, and what is said when they fail."""
 
+import io
 import os
 import sys
 import threading
@@ -16,7 +17,7 @@ from engines import Settings
 from engines.errors import ConfigError, RendererFailed, Unsupported
 from engines.peers.external.description import filled
 from engines.scene import CustomLight
-from engines.scene.formats.floats import parse_pfm
+from engines.scene.formats.floats import read_pfm
 from tests.external.describing import described
 from tests.needs import needs
 
@@ -210,13 +211,13 @@ def test_the_files_content_is_part_of_the_version(tmp_path):
 def test_portable_float_maps_are_read_from_the_bottom_up_in_either_byte_order():
     values = np.arange(2 * 3 * 3, dtype=np.float32).reshape(2, 3, 3)
     for order, scale in (("<f4", b"-1.0"), (">f4", b"1.0")):
-        image = parse_pfm(b"PF\n3 2\n" + scale + b"\n" + values[::-1].astype(order).tobytes())
+        image = read_pfm(io.BytesIO(b"PF\n3 2\n" + scale + b"\n" + values[::-1].astype(order).tobytes()))
         assert (image == values).all()
-    grey = parse_pfm(b"Pf 3 2 -1\n" + values[..., 0].astype("<f4").tobytes())
+    grey = read_pfm(io.BytesIO(b"Pf 3 2 -1\n" + values[..., 0].astype("<f4").tobytes()))
     assert (grey == values[::-1, :, :1]).all() and grey.shape == (2, 3, 1)
     for bad in (b"", b"P6 1 1 255\nabc", b"PF\n2 2\n-1\n1234", b"PF\n0 0\n-1\n"):
         with pytest.raises(ValueError, match=r"PFM file|cut short"):
-            parse_pfm(bad)
+            read_pfm(io.BytesIO(bad))
 
 
 @needs("mitsuba-scalar")

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from engines.errors import RaybenchError, RendererFailed
 from engines.image import read_image
-from engines.scene.formats.floats import parse_pfm
+from engines.scene.formats.floats import read_pfm
 
 Image = NDArray[np.float64]
 
@@ -19,7 +19,7 @@ def read_picture(name: str, path: Path, width: int, height: int) -> Image:
     if not path.is_file():
         raise RendererFailed(f"{name}: the program ended well, but wrote no image to {{image}}")
     try:
-        image = parse_pfm(path.read_bytes()) if path.suffix == ".pfm" else read_image(path)
+        image = _read_pfm(path) if path.suffix == ".pfm" else read_image(path)
     except (RaybenchError, ValueError, OSError) as error:
         raise RendererFailed(f"{name}: its image cannot be read: {str(error).replace(str(path), path.name)}") from error
     if image.shape[:2] != (height, width):
@@ -29,3 +29,8 @@ def read_picture(name: str, path: Path, width: int, height: int) -> Image:
     if bad:
         raise RendererFailed(f"{name}: {bad} of the {width * height} pixels of its image are not finite")
     return np.array(np.broadcast_to(image, (height, width, 3)), np.float64)
+
+
+def _read_pfm(path: Path) -> NDArray[np.float32]:
+    with path.open("rb") as stream:
+        return read_pfm(stream)

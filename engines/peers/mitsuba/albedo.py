@@ -83,6 +83,7 @@ COLORS: Mapping[type, tuple[str, ...]] = {
     Plastic: ("diffuse",),
     Principled: ("base_color",),
 }
+"""The fields of a leaf that hold colours of its albedo; of others none has one that counts."""
 
 
 def _divided(bsdf: Bsdf, scale: float) -> Bsdf:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,14 +17,18 @@ from numpy.typing import NDArray
 MAGIC = (b"#?RADIANCE", b"#?RGBE")
 HEADER = 1 << 16
 """Bytes within which the header ends."""
-PFM_HEADER = re.compile(rb"P([Ff])\s+(\d{1,6})\s+(\d{1,6})\s+([-+0-9.eE]{1,32})\s")
+_NUMBER = rb"[-+]?\d{1,20}(?:\.\d{0,20})?(?:[eE][-+]?\d{1,3})?"
+_PFM = re.compile(rb"P([Ff])\s+(\d{1,6})\s+(\d{1,6})\s+(" + _NUMBER + rb")\s")
+PFM_HEADER = 200
+"""Bytes within which the header of a PFM ends."""
 _SIZE = re.compile(rb"-Y (\d{1,6}) \+X (\d{1,6})")
 _RUNS = range(8, 1 << 15)
 """Widths of scan lines whose four components may be encoded one after the other."""
 
 
-def parse_hdr(data: bytes, check: Callable[[int, int], None]) -> NDArray[np.float32]:
-    """(h, w, 3) linear values. `check` is called with width and height before pixels are read. Raises `ValueError`."""
+def read_hdr(stream: BinaryIO, check: Callable[[int, int], None]) -> NDArray[np.float32]:
+    """(h, w, 3) linear values. `check` is called with width and height before they are decoded. Raises `ValueError`."""
+    data = stream.read()
     lines = data[:HEADER].split(b"\n")
     if not lines[0].startswith(MAGIC):
         raise ValueError("the content of a Radiance HDR file is expected")
@@ -72,15 +77,18 @@ def _line(data: bytes, at: int, length: int) -> tuple[bytearray, int]:
     return unpacked, at
 
 
-def parse_pfm(data: bytes, check: Callable[[int, int], None] = lambda width, height: None) -> NDArray[np.float32]:
-    """(h, w, 3) or (h, w, 1) linear values, from the uppermost row down. `check` as of `parse_hdr`. Raises `ValueError`."""
-    header = PFM_HEADER.match(data)
+def read_pfm(stream: BinaryIO, check: Callable[[int, int], None] = lambda width, height: None) -> NDArray[np.float32]:
+    """(h, w, 3) or (h, w, 1) linear values, from the uppermost row down. `check` is called with width and height before pixels
+    are read. Raises `ValueError`."""
+    header = _PFM.match(stream.read(PFM_HEADER))
     if header is None:
         raise ValueError("the header of a PFM file is expected: PF, width, height, scale")
     width, height, scale, channels = int(header[2]), int(header[3]), float(header[4]), 3 if header[1] == b"F" else 1
     check(width, height)
-    pixels = data[header.end() :][: 4 * width * height * channels]
-    if not len(pixels) == 4 * width * height * channels > 0:
-        raise ValueError("its pixels are cut short")
-    values = np.frombuffer(pixels, "<f4" if scale < 0.0 else ">f4").astype(np.float32) * np.float32(abs(scale))
+    stream.seek(header.end())
+    expected = 4 * width * height * channels
+    data = stream.read(expected)
+    if not len(data) == expected > 0:
+        raise ValueError(f"its pixels are cut short: {expected} bytes are expected, found {len(data)}")
+    values = np.frombuffer(data, "<f4" if scale < 0.0 else ">f4").astype(np.float32) * np.float32(abs(scale))
     return values.reshape(height, width, channels)[::-1]

@@ -22,10 +22,10 @@ from engines.image import (
     readable,
 )
 from engines.input_files import open_regular
-from engines.scene.formats.floats import parse_hdr, parse_pfm
+from engines.scene.formats.floats import read_hdr, read_pfm
 
 TEXTURE_SUFFIXES = (*SUFFIXES, ".hdr", ".pfm", ".tga")
-_FLOATS = {".hdr": parse_hdr, ".pfm": parse_pfm}
+_FLOATS = {".hdr": read_hdr, ".pfm": read_pfm}
 CHANNELS = "rgba"
 _LETTERS = {1: "r", 2: "ra", 3: "rgb", 4: "rgba"}
 """What the channels of an image are; the first of a grey one is its grey, which `r`, `g` and `b` all mean."""
@@ -45,7 +45,7 @@ def read_texels(path: Path) -> NDArray[Any]:
         texels = _exr(file)
     else:
         with decoding(file), open_regular(file) as stream:
-            texels = _FLOATS[suffix](stream.read(), lambda width, height: check_size(file, width, height, most_pixels(file)))
+            texels = _FLOATS[suffix](stream, lambda width, height: check_size(file, width, height, most_pixels(file)))
     if not np.isfinite(texels).all():
         raise SceneError(f"{file}: holds values that are infinite or not a number")
     return texels

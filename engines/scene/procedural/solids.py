@@ -44,8 +44,8 @@ def rectangle(corner: Triple, edge1: Triple, edge2: Triple) -> Faces:
 def tessellated_sphere(subdivisions: int, center: Triple, radius: float) -> Faces:
     """An icosahedron whose faces are cut into four, again and again, with all vertices on the sphere."""
     golden = (1 + 5**0.5) / 2
-    rectangle = np.array([[-1, golden, 0], [1, golden, 0], [-1, -golden, 0], [1, -golden, 0]])
-    vertices = np.concatenate([np.roll(rectangle, turn, axis=1) for turn in range(3)]) / (1 + golden * golden) ** 0.5
+    golden_rectangle = np.array([[-1, golden, 0], [1, golden, 0], [-1, -golden, 0], [1, -golden, 0]])
+    vertices = np.concatenate([np.roll(golden_rectangle, turn, axis=1) for turn in range(3)]) / (1 + golden * golden) ** 0.5
     cap = [[0, 11, 5], [0, 5, 1], [0, 1, 7], [0, 7, 10], [0, 10, 11]]
     belt = [[1, 5, 9], [5, 11, 4], [11, 10, 2], [10, 7, 6], [7, 1, 8]]
     other_cap = [[3, 9, 4], [3, 4, 2], [3, 2, 6], [3, 6, 8], [3, 8, 9]]

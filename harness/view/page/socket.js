@@ -5,7 +5,7 @@ const decoder = new TextDecoder();
 export class WorkerSocket {
   // `handlers` has a function (header, bytes) => void for each `type` of a message, `state` among them.
   constructor(page, handlers) {
-    this.handlers = { warning: (header) => byId("warnings").append(listItem(header.text)), ...handlers };
+    this.handlers = { warning: (header) => byId("warnings")?.append(listItem(header.text)), ...handlers };
     const base = new URL(".", location.href);
     this.connection = new WebSocket(new URL(`socket/${page}`, base.href.replace(/^http/, "ws")));
     this.connection.binaryType = "arraybuffer";
@@ -95,7 +95,10 @@ export function download(name, bytes, type) {
 
 // A new element with these properties and children.
 export function element(tag, properties, ...children) {
-  const made = Object.assign(document.createElement(tag), properties);
+  const { role, ariaLabel, ...rest } = properties; // as attributes: Firefox before 119 does not reflect these
+  const made = Object.assign(document.createElement(tag), rest);
+  if (role) made.setAttribute("role", role);
+  if (ariaLabel) made.setAttribute("aria-label", ariaLabel);
   made.append(...children);
   return made;
 }
