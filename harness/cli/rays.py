@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Optional
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from harness.cli.options import AllowCommands, AllowImports, AllowOutside, engines, shipped, words
+from harness.cli.options import AllowCommands, AllowImports, AllowOutside, Define, engines, parameters_of, shipped, words
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -26,7 +26,7 @@ def trace(
         typer.Argument(metavar="SCENE", help="Scenes: paths, or bare names from scenes/.", autocompletion=shipped("scenes")),
     ],
     rays: Annotated[
-        Optional[list[str]],  # noqa: UP045
+        list[str] | None,
         typer.Option(
             metavar="SET",
             help="camera, shadow or incoherent rays. May be repeated.",
@@ -35,22 +35,21 @@ def trace(
         ),
     ] = None,
     engine: Annotated[
-        Optional[list[str]],  # noqa: UP045
+        list[str] | None,
         typer.Option(
             metavar="NAME", help="An engine. May be repeated.", show_default=", ".join(ENGINES), autocompletion=engines
         ),
     ] = None,
     accelerator: Annotated[
-        Optional[list[str]],  # noqa: UP045
+        list[str] | None,
         typer.Option(metavar="NAME", help="A name, or a mapping with options. May be repeated.", show_default="auto"),
     ] = None,
     precision: Annotated[
-        Optional[list[str]],  # noqa: UP045
-        typer.Option(metavar="NAME", help="float64 or float32. May be repeated.", show_default="the engine's"),
+        list[str] | None, typer.Option(metavar="NAME", help="float64 or float32. May be repeated.", show_default="the engine's")
     ] = None,
-    threads: Annotated[Optional[list[int]], typer.Option(help="Number of threads. May be repeated.", show_default="1")] = None,  # noqa: UP045
+    threads: Annotated[list[int] | None, typer.Option(help="Number of threads. May be repeated.", show_default="1")] = None,
     count: Annotated[int, typer.Option(help="Rays per set.")] = 200_000,
-    batch: Annotated[Optional[int], typer.Option(help="Rays per call.", show_default="all")] = None,  # noqa: UP045
+    batch: Annotated[int | None, typer.Option(help="Rays per call.", show_default="all")] = None,
     bounces: Annotated[int, typer.Option(help="Bounces of the paths that incoherent rays start from.")] = 3,
     checked: Annotated[int, typer.Option(help="Rays per set that are compared with exact answers.")] = 10_000,
     hard: Annotated[int, typer.Option(help="Rays per set at shared edges and vertices, to count leaks.")] = 20_000,
@@ -58,7 +57,7 @@ def trace(
     max_time: Annotated[str, typer.Option(metavar="TIME", help="Time inside calls, per block.")] = "500ms",
     seed: Annotated[int, typer.Option(help="Seed of the rays and of the order.")] = 1,
     baseline: Annotated[
-        Optional[str],  # noqa: UP045
+        str | None,
         typer.Option(
             metavar="ENGINE",
             help="Engine that rates are compared with.",
@@ -67,9 +66,9 @@ def trace(
         ),
     ] = None,
     out: Annotated[
-        Optional[Path],  # noqa: UP045
-        typer.Option("--out", metavar="DIR", help="Results folder.", show_default="results/trace"),
+        Path | None, typer.Option("--out", metavar="DIR", help="Results folder.", show_default="results/trace")
     ] = None,
+    define: Define = None,
     json: Annotated[bool, typer.Option("--json", help="Print the rows of the table as JSON.")] = False,
     allow_imports: AllowImports = False,
     allow_commands: AllowCommands = False,
@@ -82,8 +81,9 @@ def trace(
     from harness.config import SCHEMA_VERSION, ConfigFile
     from harness.run.sweep import Options
 
+    parameters = parameters_of(define)
     matrix = {
-        "scene": scene,
+        "scene": [{"file": each, "parameters": parameters} for each in scene] if parameters else scene,
         "rays": rays or [*RAY_KINDS],
         "engine": engine or [*ENGINES],
         "accelerator": [parse_yaml(each, "--accelerator", ConfigError).plain() for each in accelerator or []],

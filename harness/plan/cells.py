@@ -45,7 +45,7 @@ class Cell:
     skip: str | None
     reference_id: str | None = None
     primitives: int = 0
-    """Triangles, spheres and planes of the scene."""
+    """Triangles, spheres and other shapes of the scene."""
     smooth_sampler: bool = False
     """Whether the sampler's error falls smoothly from sample to sample."""
     reproducible: bool = False

@@ -24,7 +24,7 @@ from harness.config import SCHEMA_VERSION, Experiment
 from harness.config.experiment import PREFERRED_BASELINES
 from harness.config.paths import shown
 from harness.config.sections import AUTOMATIC
-from harness.config.settings import Combination, SceneFile
+from harness.config.settings import Budget, Combination, SceneFile
 from harness.hashing import digest
 from harness.measure.machine import usable_cores
 from harness.measure.schedule import Schedule
@@ -54,6 +54,7 @@ def make(
     found = [_configured(experiment, combination, known) for combination in experiment.combinations]
     references = {wanted.reference_id: wanted for cell, wanted in found if wanted is not None}
     _one_division(experiment, found)
+    _one_budget(experiment, found)
     configurations = _with_aa_twins(experiment, [cell for cell, _ in found])
     cells: list[Cell] = []
     for block in range(experiment.repeats):
@@ -89,6 +90,18 @@ def _one_division(experiment: Experiment, found: Iterable[tuple[Cell, Any]]) -> 
             )
 
 
+def _one_budget(experiment: Experiment, found: Iterable[tuple[Cell, Any]]) -> None:
+    """Refuses a contestant that has several budgets in a scene: its results would stand together, as those of one."""
+    budgets: dict[Any, Budget] = {}
+    for cell, _ in found:
+        contestant = cell.scene, cell.engine_name, cell.ray_set, json.dumps(cell.settings.describe(), sort_keys=True)
+        if budgets.setdefault(contestant, cell.budget) != cell.budget:
+            raise ConfigError(
+                f"{experiment.source} budget: {cell.scene.name} by {cell.engine_name} has several with the same settings "
+                "otherwise: a contestant has one"
+            )
+
+
 def _pairs_exist(experiment: Experiment, configurations: Iterable[Cell]) -> None:
     """Refuses a pair with a side that is no contestant of the experiment, and one whose sides are in different divisions."""
     runs = [
@@ -103,6 +116,8 @@ def _pairs_exist(experiment: Experiment, configurations: Iterable[Cell]) -> None
         for cell in configurations
         if isinstance(cell.settings, CellSettings)
     ]
+    if experiment.pairs and not runs:
+        raise ConfigError(f"{experiment.source} pairs: they are of cells that render, and all of this experiment trace rays")
     for index, pair in enumerate(experiment.pairs):
         divisions = []
         for side, expected in (("contestant", pair.contestant.chosen), ("baseline", pair.baseline.chosen)):
@@ -281,7 +296,7 @@ def _cell(
 
 
 def primitive_count(scene: Scene) -> int:
-    """Triangles, spheres and planes: what a tree is built over."""
+    """Triangles, spheres and other shapes: what a tree is built over."""
     parts = (getattr(shape, "faces", getattr(shape, "radii", None)) for shape in scene.shapes)
     return sum(1 if part is None else len(part) for part in parts)
 

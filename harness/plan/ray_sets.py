@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from harness.config.kinds import DURATION
 from harness.config.sections import RaySets
 from harness.config.settings import Budget, SceneFile
 from harness.hashing import digest
@@ -38,4 +39,4 @@ class PlannedRaySet:
         """The options of `raybench trace` for one measurement of the set."""
         sizes = [word for name, value in self.spec.items() for word in (f"--{name}", str(value))]
         batch = ["--batch", str(self.config.batch)] if self.config.batch else []
-        return [*sizes, *batch, "--max-time", f"{budget.max_time_seconds:g}s", "--repeats", "1"]
+        return [*sizes, *batch, "--max-time", DURATION.write(budget.max_time_seconds), "--repeats", "1"]

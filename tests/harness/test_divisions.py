@@ -68,6 +68,14 @@ def test_a_contestant_is_in_one_division(tmp_path):
         planned(tmp_path, "division: opened\n")
 
 
+@pytest.mark.parametrize("key", ["max_spp: 4", "max_time: 1s", "timeout: 9s"])
+def test_a_contestant_has_one_budget_in_a_scene(tmp_path, key):
+    both = sweeping.EXPERIMENT.replace("matrix: {", f"matrix: {{budget: [{{}}, {{{key}}}], ")
+    with pytest.raises(ConfigError, match="budget: ball by steady has several with the same settings otherwise"):
+        planned(tmp_path, text=both)
+    assert planned(tmp_path, f"extend: [{{where: {{engine: 'fake_engines:Other'}}, set: {{budget: {{{key}}}}}}}]\n").cells
+
+
 def test_a_pair_is_within_one_division(tmp_path):
     pair = "pairs: [{contestant: {engine: other}, baseline: {engine: steady}}]\n"
     assert planned(tmp_path, pair).experiment.pairs
