@@ -1,4 +1,5 @@
-"""The settings with which an engine renders a cell: one type in plans, requests of workers and events; and what an engine gets.
+"""The settings with which an engine renders a cell or traces its rays: one type each in plans and requests of workers, whose
+fields events have too; and what an engine gets.
 
 A choice named `module:attribute` is code of the user's. It is imported only when imports are allowed, and is then the plugin
 object itself, some of whose options the choice changes, or a class or function called with the options.
@@ -9,7 +10,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
@@ -32,25 +33,19 @@ class TracerSettings:
     precision: str | None
     threads: int
 
-    @classmethod
-    def of(cls, plain: Mapping[str, Any]) -> Self:
-        """The settings that `describe` made `plain` data of, which may hold other keys beside."""
-        given: dict[str, Any] = {key: plain[key] for key in cls.__dataclass_fields__}
-        return cls(**{**given, **{key: Choice.of(given[key]) for key in CHOICES if key in given}})
-
     def fields(self) -> dict[str, Any]:
         """The settings by their names."""
         return {key: getattr(self, key) for key in self.__dataclass_fields__}
 
     def describe(self) -> dict[str, Any]:
-        """Plain data, as specs, requests and events hold it."""
+        """Plain data, as specs hold it."""
         return {key: value.describe() if key in CHOICES else value for key, value in self.fields().items()}
 
 
 @dataclass(frozen=True, slots=True)
 class CellSettings(TracerSettings):
-    """What an engine is told about a cell that renders, beside scene and seed. `width` and `height` are in pixels; a choice has
-    all of its options."""
+    """What an engine is told about a cell that renders, beside scene and seed; `precision` is never None in a plan. `width` and
+    `height` are in pixels; a choice has all of its options."""
 
     shader: Choice
     sampler: Choice

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import zipfile
 from collections.abc import Mapping
 from numbers import Integral
 from pathlib import Path
@@ -14,23 +13,19 @@ from numpy.typing import NDArray
 
 from engines.errors import RendererFailed
 from engines.film import Film, Image
-from engines.input_files import open_regular
+from harness.measure import scratch
 
 COLOURS = ("sums", "squares", "even_sums")
 PARTS = (*COLOURS, "counts", "bad_samples")
-MOST_BYTES_PER_PIXEL, HEADER_BYTES = 256, 1 << 16
+MOST_BYTES_PER_PIXEL = 256
 """Of the file: three colour arrays and counts take 80 bytes per pixel in float64."""
 LARGEST = float(np.finfo(np.float32).max)
 """Image files hold float32."""
 
 
-class Unwritten(Exception):
-    """The disk is full, say: no failure of the engine."""
-
-
 def leave(film: Any, path: str | Path, width: int, height: int, spp: int, overshoots: bool = False) -> None:
     """Writes an engine's film into a file. Raises `RendererFailed` where it is not the film of the request, and
-    `Unwritten` where the file cannot be written."""
+    `scratch.Unwritten` where the file cannot be written."""
     lacking = [part for part in PARTS if not hasattr(film, part)]
     if lacking:
         raise RendererFailed(
@@ -38,10 +33,7 @@ def leave(film: Any, path: str | Path, width: int, height: int, spp: int, oversh
         )
     parts = {part: getattr(film, part) for part in PARTS}
     _refuse_unfit(parts, width, height, spp, overshoots)
-    try:
-        np.savez(path, **parts)
-    except OSError as error:
-        raise Unwritten(f"{path}: cannot be written: {error.strerror or error}") from error
+    scratch.leave(path, **parts)
 
 
 def take(path: Path, width: int, height: int, spp: int, overshoots: bool = False) -> Film:
@@ -50,17 +42,9 @@ def take(path: Path, width: int, height: int, spp: int, overshoots: bool = False
     Raises `RendererFailed` where it is not a film of `height` x `width` pixels with `spp` samples each, or more from an engine
     that `overshoots`.
     """
-    try:
-        with open_regular(path) as file, zipfile.ZipFile(file) as members:
-            unpacked = sum(member.file_size for member in members.infolist())
-            if unpacked > width * height * MOST_BYTES_PER_PIXEL + HEADER_BYTES:
-                raise ValueError(f"it is larger than a film of {width} x {height} pixels")
-            file.seek(0)
-            with np.load(file) as arrays:
-                parts: dict[str, Any] = {part: arrays[part] for part in COLOURS}
-                parts |= {"counts": arrays["counts"], "bad_samples": arrays["bad_samples"].item()}
-    except Exception as error:  # what zipfile, zlib and NumPy raise for damaged files is no closed list
-        raise RendererFailed(f"the worker's film cannot be read: {type(error).__name__}: {error}") from error
+    parts = scratch.take(path, PARTS, width * height * MOST_BYTES_PER_PIXEL, "film")
+    if parts["bad_samples"].size == 1:
+        parts["bad_samples"] = parts["bad_samples"].item()
     _refuse_unfit(parts, width, height, spp, overshoots)
     film = Film(width, height)
     film.sums, film.squares, film.even_sums = (np.asarray(parts[part], np.float64) for part in COLOURS)

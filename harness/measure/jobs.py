@@ -6,13 +6,15 @@ Each job is called with the engine, its request and the parent's end of the chan
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
-from time import perf_counter
+from time import monotonic, perf_counter
 from typing import Any
 
 from engines.choices import Choice
 from engines.errors import Unsupported
-from harness.measure import clock, films, tracing
+from harness.measure import clock, films, scratch, tracing
 from harness.measure.contention import Disturbance
 from harness.measure.messages import End, Go, Parent, Point, Prepared, Traced, Unwritten
 from harness.measure.requests import CellRequest, ImageRequest, RayRequest, ReferenceRequest, Request
@@ -77,11 +79,12 @@ def trace(engine: Any, request: RayRequest, parent: Parent) -> None:
     rays = tracing.read_rays(request.file)
     tracer, build, first_call = tracing.prepare(engine, scene, request, rays)
     parent.send(Prepared(load_seconds, build, first_call))
-    disturbance = Disturbance()
+    disturbance, began = Disturbance(), monotonic()
     seconds, passes = tracing.timed_passes(tracer, request, rays, disturbance)
     disturbance.rest()
-    tracing.leave_answers(tracer, request, rays)
-    parent.send(Traced(seconds, passes, *disturbance.window, disturbance.alive))
+    with written(parent):
+        tracing.leave_answers(tracer, request, rays)
+    parent.send(Traced(seconds, passes, began, disturbance.window[1], disturbance.alive))
     parent.send(End({}, disturbance.report()))
 
 
@@ -101,13 +104,20 @@ def settings_of(request: ImageRequest, seed: int, sampler: Any = None) -> Any:
     return engine_settings(settings, seed, request.allow_imports)
 
 
+@contextmanager
+def written(parent: Parent) -> Iterator[None]:
+    """Ends the process, and says why, where the request's file cannot be written."""
+    try:
+        yield
+    except scratch.Unwritten as error:
+        parent.send(Unwritten(str(error)))
+        os._exit(0)
+
+
 def hand_over(parent: Parent, engine: Any, film: Any, request: ImageRequest, spp: int, **measured: Any) -> None:
     """Leaves the film's arrays in the file `request.scratch` and waits until the parent has used them."""
     overshoots, settings = bool(getattr(engine, "overshoots", False)), request.settings
-    try:
+    with written(parent):
         films.leave(film, request.scratch, settings.width, settings.height, spp, overshoots)
-    except films.Unwritten as error:
-        parent.send(Unwritten(str(error)))
-        os._exit(0)
     parent.send(Point(spp=spp, overshoots=overshoots, **measured))
     parent.receive(Go)

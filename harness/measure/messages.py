@@ -1,4 +1,5 @@
-"""The messages between a measuring worker and its parent; an engine shares the worker's process, so that they are checked."""
+"""The messages between a measuring worker, whose engine renders or traces rays, and its parent. Engines share the worker's
+process, so that what it sends is checked."""
 
 from __future__ import annotations
 
@@ -90,7 +91,7 @@ class Failed(NamedTuple):
 
 
 class Unwritten(NamedTuple):
-    """A film could not be handed over, which is no failure of the engine."""
+    """A film or answers could not be handed over, which is no failure of the engine."""
 
     message: Text
 

@@ -32,8 +32,8 @@ class WorkerFailed(Exception):
     """A request that failed; the message is the worker's, or says how the process died."""
 
 
-class FilmUnwritten(WorkerFailed):
-    """A worker could not write its film, it says."""
+class ScratchUnwritten(WorkerFailed):
+    """A worker could not write its film or its answers, it says."""
 
 
 class WorkerTimeout(Exception):
@@ -110,7 +110,7 @@ class Worker:
         answer = self._answer(deadline)
         if isinstance(answer, Unwritten):
             self.kill()
-            raise FilmUnwritten(answer.message)
+            raise ScratchUnwritten(answer.message)
         if isinstance(answer, Failed):
             self._settle(deadline)
             raise WorkerFailed(answer.message)
@@ -290,21 +290,22 @@ class Pool:
         return request._replace(allow_imports=self._allow_imports, scratch=str(self.scratch))
 
     def _receive(self, worker: Worker, request: Request, deadline: float, *expected: type[T]) -> T:
-        """The worker's next answer. Raises `ConfigError` where a film cannot be written, which is no failure of the cell,
-        once this process has tried as well: an engine can send any message."""
+        """The worker's next answer. Raises `ConfigError` where a film or answers cannot be written, which is no failure of the
+        cell, once this process has tried as well: an engine can send any message."""
         try:
             return worker.receive(deadline, *expected)
-        except FilmUnwritten as error:
+        except ScratchUnwritten as error:
             if isinstance(request, RayRequest):
-                raise
-            size = request.settings.width * request.settings.height * BYTES_A_PIXEL
+                what, size = "answers", tracing.bytes_left(request)
+            else:
+                what, size = "film", request.settings.width * request.settings.height * BYTES_A_PIXEL
             try:
                 with self.scratch.open("wb") as file:
                     for _ in range(0, size, 1 << 20):
                         file.write(bytes(1 << 20))
             except OSError:
                 raise ConfigError(str(error)) from None
-            raise WorkerFailed(f"its film could not be written there, though this process can: {error}") from None
+            raise WorkerFailed(f"its {what} could not be written there, though this process can: {error}") from None
 
     def _film(self, worker: Worker, request: ImageRequest, spp: int, overshoots: bool) -> Film:
         """The film of `spp` samples that a worker has left; raises `WorkerFailed` where it is none."""

@@ -1,5 +1,5 @@
-"""What a measuring worker is asked for. The pool that asks fills `allow_imports` and `scratch` in, the file in which the worker
-leaves what it does not send."""
+"""What a measuring worker is asked for: films, or answers to rays. The pool that asks fills `allow_imports` and `scratch` in,
+the file in which the worker leaves them."""
 
 from __future__ import annotations
 

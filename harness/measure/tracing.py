@@ -6,7 +6,6 @@ own, by the only clock (`measure.clock`).
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from time import perf_counter
@@ -18,7 +17,7 @@ from engines.choices import shaders_and_samplers
 from engines.errors import RendererFailed, Unsupported
 from engines.interface import Engine, HasTracer, RayTracer, Settings
 from engines.scene import Scene
-from harness.measure import clock
+from harness.measure import clock, scratch
 from harness.measure.contention import Disturbance
 from harness.measure.requests import RayRequest
 from harness.settings import TracerSettings, plugin_or_choice
@@ -31,13 +30,13 @@ Arrays = Mapping[str, Any]
 
 def write_rays(path: Path, rays: Any, checked: Any, hard: Any) -> None:
     """Leaves a set (origins, directions, t_max) for workers, the indices of the rays whose answers are expected, and the
-    hard rays."""
+    hard rays. Raises `scratch.Unwritten`."""
     sets = {
         f"{prefix}{name}": array
         for prefix, each in (("", rays), ("hard_", hard))
         for name, array in zip(("origins", "directions", "t_max"), each, strict=True)
     }
-    np.savez(path, checked=checked, **sets)
+    scratch.leave(path, checked=checked, **sets)
 
 
 def read_rays(path: str) -> Arrays:
@@ -80,15 +79,13 @@ def prepare(engine: Engine, scene: Scene, request: RayRequest, rays: Arrays) -> 
     start = perf_counter()
     tracer = make_tracer(engine, scene, request.settings, request.allow_imports)
     built = perf_counter()
-    _answer(tracer, request, rays, slice(0, FIRST_RAYS))
+    _answer(tracer, request, rays, slice(0, min(FIRST_RAYS, request.batch or FIRST_RAYS)))
     return tracer, built - start, perf_counter() - built
 
 
 def timed_passes(tracer: RayTracer, request: RayRequest, rays: Arrays, disturbance: Disturbance) -> tuple[float, int]:
     """Seconds and number of the passes over the whole set."""
-    count = len(rays["t_max"])
-    batch = request.batch or count
-    parts = [slice(first, first + batch) for first in range(0, count, batch)]
+    parts = _batches(request, rays)
 
     def one_pass(spp: int) -> Any:
         for part in parts:
@@ -106,14 +103,24 @@ def _call(tracer: RayTracer, request: RayRequest) -> Any:
 
 def leave_answers(tracer: RayTracer, request: RayRequest, rays: Arrays) -> None:
     """Writes the answers to the rays to be checked, traced among all others, and to the hard rays."""
-    whole = _answer(tracer, request, rays, slice(None))
+    whole = _answers(tracer, request, rays)
     hard = {name.removeprefix("hard_"): array for name, array in rays.items() if name.startswith("hard_")}
     kept = {name: array[rays["checked"]] for name, array in whole.items()}
-    np.savez(
-        request.scratch.removesuffix(".npz"),
-        **kept,
-        **{f"hard_{name}": array for name, array in _answer(tracer, request, hard, slice(None)).items()},
-    )
+    hard_answers = {f"hard_{name}": array for name, array in _answers(tracer, request, hard).items()}
+    scratch.leave(request.scratch, **kept, **hard_answers)
+
+
+def _batches(request: RayRequest, rays: Arrays) -> list[slice]:
+    """The rays of each call: one call, of none, where there are none."""
+    count = max(1, len(rays["t_max"]))
+    batch = request.batch or count
+    return [slice(first, first + batch) for first in range(0, count, batch)]
+
+
+def _answers(tracer: RayTracer, request: RayRequest, rays: Arrays) -> dict[str, Any]:
+    """An engine's answers to all rays, asked as in a timed pass."""
+    found = [_answer(tracer, request, rays, part) for part in _batches(request, rays)]
+    return {name: np.concatenate([each[name] for each in found]) for name in found[0]}
 
 
 def _answer(tracer: RayTracer, request: RayRequest, rays: Arrays, part: slice) -> dict[str, Any]:
@@ -130,22 +137,25 @@ def _answer(tracer: RayTracer, request: RayRequest, rays: Arrays, part: slice) -
     return arrays
 
 
+def bytes_left(request: RayRequest) -> int:
+    """Bytes of the answers that `leave_answers` writes: of a ray t, shape and primitive at most."""
+    return (request.checked + request.hard) * 3 * 8
+
+
 def read_answers(path: Path, request: RayRequest) -> Arrays:
     """What `leave_answers` has written: `blocked`, or `t`, `shape` and `primitive`, each also with `hard_` before it. Raises
     `RendererFailed` where that is something else."""
     names = ("blocked",) if request.kind == "shadow" else ("t", "shape", "primitive")
     sizes = {"": request.checked, "hard_": request.hard}
     kinds = {"t": np.float64, "blocked": np.bool_}
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            found = {
-                f"{prefix}{name}": file[f"{prefix}{name}"].astype(kinds.get(name, np.int64), casting="same_kind")
-                for name in names
-                for prefix in sizes
-            }
-    except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
-        raise RendererFailed(f"its answers cannot be read: {type(error).__name__}: {error}") from error
-    for name, array in found.items():
-        if array.shape != (sizes["hard_" if name.startswith("hard_") else ""],):
+    left = scratch.take(path, [prefix + name for name in names for prefix in sizes], bytes_left(request), "answers")
+    found = {}
+    for name, array in left.items():
+        prefix = "hard_" if name.startswith("hard_") else ""
+        if array.shape != (sizes[prefix],):
             raise RendererFailed(f"its answers have {name} of shape {array.shape}")
+        try:
+            found[name] = array.astype(kinds.get(name.removeprefix(prefix), np.int64), casting="same_kind")
+        except TypeError as error:
+            raise RendererFailed(f"its answers have {name} of dtype {array.dtype}") from error
     return found

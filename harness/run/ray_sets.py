@@ -9,11 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from engines.errors import ConfigError
 from engines.scene import Scene
 from engines.temporary import TemporaryFolder
 from harness.config.settings import SceneFile
 from harness.measure import tracing
 from harness.measure.requests import RayRequest
+from harness.measure.scratch import Unwritten
 from harness.measure.tracing import Arrays
 from harness.plan.ray_sets import PlannedRaySet
 from harness.settings import TracerSettings
@@ -29,7 +31,7 @@ class RaySet:
     """Rays of a kind in a file, and the exact answers to those that are checked."""
 
     def __init__(self, wanted: PlannedRaySet, scene: Scene, truth: Truth, hard: Rays, file: Path) -> None:
-        """Raises `Unsupported` where the scene has no such rays."""
+        """Raises `Unsupported` where the scene has no such rays, and `ConfigError` where the file cannot be written."""
         config, seed = wanted.config, wanted.seed
         rays = make_rays(wanted.kind, scene, truth, config.count, config.bounces, seed)
         rng = np.random.default_rng([seed, 100])
@@ -37,7 +39,10 @@ class RaySet:
         self._judge, self._kind, self._hard = Judge(truth, rays.take(chosen)), wanted.kind, hard
         self._judged: dict[str, Answers] = {}
         self._file, self._sizes = file, (len(chosen), len(hard.t_max))
-        tracing.write_rays(file, rays, chosen, hard)
+        try:
+            tracing.write_rays(file, rays, chosen, hard)
+        except Unwritten as error:
+            raise ConfigError(str(error)) from error
 
     def request(self, wanted: PlannedRaySet, settings: TracerSettings, max_time_seconds: float) -> RayRequest:
         """What a worker is asked for."""
@@ -61,7 +66,7 @@ class RaySet:
         return Answers(sha256=sha256, **counts, hard=len(self._hard.t_max), leaks=leaked, **_quantiles(faults))
 
 
-class RaySets:
+class MadeRaySets:
     """The sets of a run, each made when it is first asked for; their files last as long as the `with` does."""
 
     def __init__(self, allow_imports: bool) -> None:
@@ -70,7 +75,7 @@ class RaySets:
         self._sets: dict[str, RaySet] = {}
         self._scenes: dict[SceneFile, tuple[Scene, Truth, Rays]] = {}
 
-    def __enter__(self) -> RaySets:
+    def __enter__(self) -> MadeRaySets:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -78,7 +83,8 @@ class RaySets:
             self._folder.cleanup()
 
     def of(self, wanted: PlannedRaySet) -> RaySet:
-        """The set. Raises `RaybenchError` where the scene cannot be read, or has no such rays."""
+        """The set. Raises `RaybenchError` where the scene cannot be read, or has no such rays; `ConfigError` where the file
+        cannot be written."""
         found = self._sets.get(wanted.ray_set_id)
         if found is None:
             if wanted.scene not in self._scenes:

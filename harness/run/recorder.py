@@ -24,7 +24,7 @@ from harness.plan.cells import Cell, Plan
 from harness.plan.state import up_to_date
 from harness.run.contended import contended_by_cpu_time
 from harness.run.progress import Listener
-from harness.run.ray_sets import RaySets
+from harness.run.ray_sets import MadeRaySets
 from harness.store import records, reference_files, validation
 from harness.store.records import (
     BROKEN,
@@ -56,7 +56,7 @@ class Recorder:
         events: store.Events,
         retry: bool,
         fail_fast: bool,
-        ray_sets: RaySets,
+        ray_sets: MadeRaySets,
     ) -> None:
         self.plan, self.folder, self.listener, self.ray_sets = plan, folder, listener, ray_sets
         self._events, self._retry, self._fail_fast = events, retry, fail_fast
@@ -107,7 +107,7 @@ class Recorder:
         for cell in self.todo():
             if cell.needed_id == needed_id:
                 self.append(self.event(cell, "failed", message))
-        self.stopped = self._fail_fast
+        self.stopped = self.stopped or self._fail_fast
 
     # --- what is measured again -------------------------------------------------------------------------------------
 
@@ -179,7 +179,7 @@ class Recorder:
 
     def stop_if_broken(self, event: AnyCell | VerifyJob) -> None:
         """With `fail_fast`, the first failure ends the run."""
-        self.stopped = self._fail_fast and event.state in BROKEN
+        self.stopped = self.stopped or (self._fail_fast and event.state in BROKEN)
 
     def measured_as(self, record: CellRecord, messages: Iterable[WorkerMessage]) -> AnyCell:
         """The measurement of a cell that was measured to its end, has failed or was killed at its timeout."""
@@ -230,7 +230,7 @@ class Recorder:
         }
         if cell.ray_set is not None:
             own = {"rays": cell.ray_set.kind, "ray_set_id": cell.needed_id, "count": cell.ray_set.config.count}
-            return validation.made(RayCell, {"event": "ray_cell", **fields, **own}, UNUSABLE, "cell.")
+            return validation.made(RayCell, {**fields, **own}, UNUSABLE, "cell.")
         own = {
             "smooth_sampler": cell.smooth_sampler,
             "reproducible": cell.reproducible,
@@ -238,7 +238,7 @@ class Recorder:
             "reference_id": cell.reference_id,
             "separate_renders": bool(cell.patterns),
         }
-        return validation.made(records.Cell, {"event": "cell", **fields, **own}, UNUSABLE, "cell.")
+        return validation.made(records.Cell, {**fields, **own}, UNUSABLE, "cell.")
 
     def reference(self, reference_id: str) -> Any:
         """The arrays of a reference, read and checked once."""
@@ -344,11 +344,11 @@ class CellRecord:
 
 
 class Attempts:
-    """How often each cell was measured again without a measurement that counts, since the last one that does."""
+    """How often each cell was measured again, since the last measurement of it that was a first one."""
 
     def __init__(self, events: Iterable[AnyEvent]) -> None:
         self._number: Counter[str] = Counter()
-        self._measured: dict[str, str] = {}
+        self._measured: dict[str, tuple[str, int]] = {}
         for event in events:
             self.add(event)
 
@@ -356,8 +356,10 @@ class Attempts:
         if isinstance(event, (Attempt, RayAttempt)):
             self._number[event.cell_id] += 1
         # An event may be there twice, of one measurement: scored anew, or counting again.
-        elif isinstance(event, (records.Cell, RayCell)) and self._measured.get(event.cell_id) != event.time:
-            self._number[event.cell_id], self._measured[event.cell_id] = 0, event.time
+        elif isinstance(event, (records.Cell, RayCell)):
+            measured = event.time, event.attempt
+            if self._measured.get(event.cell_id) != measured:
+                self._number[event.cell_id], self._measured[event.cell_id] = event.attempt - 1, measured
 
     def of(self, cell_id: str) -> int:
         return self._number[cell_id]

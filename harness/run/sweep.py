@@ -27,7 +27,7 @@ from harness.plan.state import up_to_date
 from harness.run import certificates, reference_samples, references, verify_jobs
 from harness.run.executors import local
 from harness.run.progress import Listener
-from harness.run.ray_sets import RaySets
+from harness.run.ray_sets import MadeRaySets
 from harness.run.recorder import Recorder
 from harness.store import confined, records
 from harness.store.records import BROKEN, Manifest, Run, Targets
@@ -107,7 +107,7 @@ class Sweep:
     def __init__(self, plan: Plan, folder: Path, options: Options, listener: Listener, events: store.Events) -> None:
         self.plan, self.options, self.listener = plan, options, listener
         self.recorder = Recorder(
-            plan, folder, listener, events, options.retry, options.fail_fast, RaySets(options.allow_imports)
+            plan, folder, listener, events, options.retry, options.fail_fast, MadeRaySets(options.allow_imports)
         )
 
     # --- what is planned --------------------------------------------------------------------------------------------
@@ -210,6 +210,8 @@ class Sweep:
         needed = dict.fromkeys(cell.reference_id for cell in self._cells())
         named = {event.reference_id for event in store.of_kind(self.recorder.history, records.Reference)}
         for reference_id, wanted in self.plan.references.items():
+            if self.recorder.stopped:
+                return
             try:
                 if reference_id in needed:
                     made = not references.ready(wanted, self.recorder.root)
@@ -226,9 +228,13 @@ class Sweep:
     def make_ray_sets(self) -> None:
         """Makes the sets of rays that cells to be measured trace; a cell whose set cannot be made has failed."""
         for wanted in dict.fromkeys(cell.ray_set for cell in self._cells() if cell.ray_set):
+            if self.recorder.stopped:
+                return
             self.listener.note(f"{wanted.describe()}: exact answers are computed")
             try:
                 self.recorder.ray_sets.of(wanted)
+            except ConfigError:  # they cannot be written: no failure of the cells
+                raise
             except RaybenchError as error:
                 self.recorder.without(wanted.ray_set_id, f"no rays: {error}")
 

@@ -35,6 +35,7 @@ from engines.scene import (
     ThinLens,
     Triangle,
 )
+from engines.scene.support import refusal_of
 from harness.config.settings import RAY_KINDS
 from harness.trace.truth import Truth, unit
 
@@ -58,7 +59,9 @@ class Rays(NamedTuple):
 
 
 def why_not(kind: str, scene: Scene) -> str | None:
-    """Why a scene has no such rays, as far as its camera and its lights say it, or None."""
+    """Why a scene has no such rays, as far as its file, its camera and its lights say it, or None."""
+    if refusal := refusal_of(scene):
+        return refusal
     if not isinstance(scene.camera, Perspective | ThinLens | Orthographic):
         return f"rays start from perspective, thin-lens and orthographic cameras: this is {type(scene.camera).__name__}"
     if kind == "shadow" and not _makers(scene):

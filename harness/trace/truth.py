@@ -173,8 +173,8 @@ class Truth:
         safe = np.where(known, shape, 0)
         if len(starts) < 2:
             return np.full(len(shape), -1)
-        found = starts[safe] + primitive
-        return np.where(known & (primitive >= 0) & (found < starts[safe + 1]), found, -1)
+        known &= (primitive >= 0) & (primitive < starts[safe + 1] - starts[safe])
+        return np.where(known, starts[safe] + np.where(known, primitive, 0), -1)
 
 
 def unit(vectors: Array) -> Array:

@@ -134,16 +134,16 @@ def test_options_reach_shader_and_sampler(folder, value, grey):
     place, name = folder
     sys.path.insert(0, str(place))
     plain = {
-        "shader": {"name": f"{name}:made", "strength": 2},
-        "sampler": {"name": f"{name}:fixed", "value": value},
-        "accelerator": {"name": "auto"},
+        "shader": Choice(f"{name}:made", {"strength": 2}),
+        "sampler": Choice(f"{name}:fixed", {"value": value}),
+        "accelerator": Choice("auto"),
         "precision": None,
         "threads": 1,
         "width": None,
         "height": None,
     }
     scene = engines.load_scene(place / "empty.yaml")
-    film = engines.engine("numpy").prepare(scene, engine_settings(CellSettings.of(plain), 1, True)).render(1)
+    film = engines.engine("numpy").prepare(scene, engine_settings(CellSettings(**plain), 1, True)).render(1)
     assert np.allclose(film.mean(), grey)
 
 

@@ -1,12 +1,15 @@
 """Contended cells are measured again at the end of a run: what counts, how often, and that an interrupt loses nothing."""
 
 from collections import Counter
+from types import SimpleNamespace
 
 import pytest
 
 from harness import store
 from harness.analysis import analyse
 from harness.measure import contention
+from harness.run.recorder import Attempts, Recorder
+from harness.store.records import attempt_of
 from harness.store.results import load_results
 from tests.harness import sweeping
 
@@ -110,12 +113,13 @@ def test_a_repetition_that_fails_leaves_the_measurement(tmp_path, monkeypatch):
     assert failed.state == "failed" and "the tree fell over" in failed.message and failed.seed == 2
 
 
-def test_cells_that_only_their_blocks_show_to_be_contended_are_measured_again(tmp_path, monkeypatch):
-    """Four blocks; in the last one others had the processor."""
+@pytest.mark.parametrize("contended", [1, 2])
+def test_cells_that_only_their_blocks_show_to_be_contended_are_measured_again(tmp_path, monkeypatch, contended):
+    """Four blocks; in the last one others had the processor, at its first measurements."""
 
     def by_cpu_time(machine, threads, ended=0.0):
         calls.append(0)
-        used = 0.5 if len(calls) == 4 else 1.0
+        used = 0.5 if 4 <= len(calls) < 4 + contended else 1.0
         figures = {"cpu_seconds": used, "timed_seconds": 1.0, "other_cpu_seconds": 1.0 - used}
         return {**machine, **figures, "contended": False, "contention_rule": contention.CPU_TIME}
 
@@ -124,11 +128,13 @@ def test_cells_that_only_their_blocks_show_to_be_contended_are_measured_again(tm
     text = TEXT.replace("'fake_engines:Steady', 'fake_engines:Other'", "'fake_engines:Steady'")
     path, out = sweeping.write(tmp_path, text), tmp_path / "out"
     outcome, _ = sweeping.run(path, out, ["repeats=4", "aa_twin=false"])
-    assert outcome.measured == 5 and len(calls) == 5
+    assert outcome.measured == len(calls) == 4 + contended
     last = of_cells(out)[-1]
-    assert last.attempt == 2 and not last.machine.contended
+    assert last.attempt == 1 + contended and not last.machine.contended
     history = [e for e in events(out, "cell") if e.cell_id == last.cell_id]
-    assert [e.machine.contended for e in history] == [False, True, False]
+    assert [e.machine.contended for e in history] == [False, True] * contended + [False]
+    images_are_there(out, history)
+    assert sweeping.run(path, out, ["repeats=4", "aa_twin=false"])[0].measured == 0
 
 
 def test_nothing_is_measured_again_where_times_do_not_count_or_the_machine_is_another(tmp_path, monkeypatch):
@@ -142,3 +148,20 @@ def test_nothing_is_measured_again_where_times_do_not_count_or_the_machine_is_an
     before = (out / store.EVENTS).read_bytes().count(b'"run"')
     assert sweeping.run(path, out)[0].measured == 0
     assert (out / store.EVENTS).read_bytes().count(b'"run"') == before
+
+
+def test_attempts_go_on_behind_the_one_that_counts(tmp_path):
+    path, out = sweeping.write(tmp_path, TEXT), tmp_path / "out"
+    sweeping.run(path, out, ["remeasure=0", "repeats=1"])
+    first = of_cells(out)[0]
+    second = first.replaced(attempt=2)  # in the same second, as rays are
+    found = [Attempts([first, *more]).of(first.cell_id) for more in ([], [first], [second], [second, attempt_of(second)])]
+    assert found == [0, 0, 1, 2]
+    assert Attempts([first, second, first.replaced(time="later")]).of(first.cell_id) == 0, "a first measurement again"
+
+
+def test_with_fail_fast_a_cell_that_is_done_after_the_failure_does_not_take_it_back():
+    run = SimpleNamespace(stopped=False, _fail_fast=True)
+    for state in ("done", "failed", "done"):
+        Recorder.stop_if_broken(run, SimpleNamespace(state=state))
+    assert run.stopped

@@ -1,34 +1,65 @@
 """Cells that trace rays, and `raybench trace`: planted faults are counted to the last ray, and rays are cells as others are."""
 
+import inspect
 import json
+import os
+import shlex
 import shutil
+from dataclasses import asdict
+from pathlib import Path
 from statistics import geometric_mean
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
-from engines.errors import ConfigError
+from engines.choices import Choice
+from engines.errors import ConfigError, RendererFailed
 from engines.scene import load_scene
 from harness import config, store
 from harness.analysis.rays import ray_races
+from harness.cli import app, experiments
+from harness.cli.rays import trace
 from harness.config import paths
+from harness.config.sections import RaySets
+from harness.config.settings import SceneFile
+from harness.measure import jobs, scratch, tracing
+from harness.measure.contention import Disturbance
+from harness.measure.messages import Traced, Unwritten
+from harness.measure.pool import Pool, ScratchUnwritten, WorkerFailed
+from harness.measure.requests import RayRequest
 from harness.plan import planner
 from harness.report import write_derived
 from harness.report.archive import archive
 from harness.report.tables.rays import rays as rays_table
 from harness.run import sweep
+from harness.run.ray_sets import MadeRaySets
+from harness.settings import TracerSettings
 from harness.statistics import race
 from harness.store.merge import merge
 from harness.store.records import RayAttempt, RayCell, attempt_of
 from harness.store.results import load_results
 from harness.trace.rays import hard_rays, make_rays
+from harness.trace.rays import why_not as why_no_rays
 from harness.trace.truth import Truth
 from tests.harness import sweeping
-from tests.harness.faulty_tracers import EVERY
+from tests.harness.faulty_tracers import EVERY, Faulty
 from tests.harness.sweeping import raybench
 
 COUNT, HARD = 400, 100
 GRAZING = 0.03
+BALL = """\
+<scene version="3.0.0">
+  <default name="radius" value="1"/>
+  <sensor type="perspective">
+    <float name="fov" value="40"/>
+    <transform name="to_world"><lookat origin="0, 0, 9" target="0, 0, 0" up="0, 1, 0"/></transform>
+    <film type="hdrfilm"><integer name="width" value="8"/><integer name="height" value="8"/></film>
+  </sensor>
+  <shape type="sphere"><float name="radius" value="$radius"/></shape>
+</scene>
+"""
 EXPERIMENT = f"""\
 raybench_experiment: 1
 name: small
@@ -192,6 +223,12 @@ def test_what_cannot_be_traced_is_skipped_with_its_reason_and_what_cannot_be_mad
     assert of["numpy", "incoherent", "auto"].state == "failed"
     assert "no ray of the camera hits anything" in of["numpy", "incoherent", "auto"].message
     assert any("embree" in note and "skipped" in note for note in listener.notes)
+    (tmp_path / "night.yaml").write_text((tmp_path / "dark.yaml").read_text().replace("radius: 1", "radius: 2"))
+    path = sweeping.write(
+        tmp_path, EXPERIMENT.replace("scene: cornell_box", "").replace("matrix:", "matrix:\n  scene: [dark.yaml, night.yaml]")
+    )
+    outcome, listener = sweeping.run(path, tmp_path / "stopped", ["matrix.rays=[incoherent]"], fail_fast=True)
+    assert outcome.stopped and outcome.states == {"failed": 1, "queued": 1}, "no other set is made after the first failure"
 
 
 def test_rays_are_not_traced_by_a_cluster(tmp_path):
@@ -291,6 +328,42 @@ def test_a_file_is_refused_where_it_is_wrong(tmp_path):
         config.load(path)
 
 
+def test_defaults_of_the_command_are_those_of_experiments():
+    defaults = {name: parameter.default for name, parameter in inspect.signature(trace).parameters.items()}
+    assert asdict(RaySets()).items() <= defaults.items()
+
+
+def test_a_cell_s_command_traces_it_again(tmp_path, monkeypatch):
+    """With the parameters of a Mitsuba file, and a time of many digits."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "ball.xml").write_text(BALL)
+    scene = "scene: {file: ball.xml, parameters: {radius: 2}}"
+    path = sweeping.write(tmp_path, EXPERIMENT.replace("scene: cornell_box", scene).replace("[camera, shadow]", "[camera]"))
+    (cell,) = planner.make(config.load(path, ["budget.max_time=123456.75ms", "aa_twin=false"])).cells
+    words = shlex.split(cell.command(1))
+    assert words[words.index("--max-time") + 1] == "123.45675s"
+    monkeypatch.setattr(experiments, "run", lambda file, *_: found.append(file) or 2)
+    found = []
+    CliRunner().invoke(app, words[1:], catch_exceptions=False)
+    (again,) = planner.make(config.load(found[0])).cells
+    assert again.cell_id == cell.cell_id
+
+
+def test_what_cannot_be_imported_has_no_exact_answers(tmp_path):
+    shape = '<shape type="sphere"/><shape type="heightfield"/>'
+    (tmp_path / "odd.xml").write_text(BALL.replace("</scene>", f"{shape}</scene>"))
+    path = sweeping.write(tmp_path, EXPERIMENT.replace("cornell_box", "odd.xml"))
+    scene = load_scene(tmp_path / "odd.xml", natively=True)
+    assert scene.native.refusal and why_no_rays("camera", scene) == scene.native.refusal
+    assert {cell.skip for cell in planner.make(config.load(path)).cells} == {scene.native.refusal}
+
+
+def test_pairs_are_of_cells_that_render(tmp_path):
+    pair = "pairs: [{contestant: {engine: numpy}, baseline: {engine: numpy}}]\n"
+    with pytest.raises(ConfigError, match="pairs: they are of cells that render"):
+        planner.make(config.load(sweeping.write(tmp_path, EXPERIMENT + pair)))
+
+
 def test_filters_take_kinds_of_rays(tmp_path):
     path = sweeping.write(tmp_path, EXPERIMENT + "exclude: [{rays: shadow}]\n")
     assert [each.rays for each in config.load(path).combinations] == ["camera"]
@@ -319,3 +392,103 @@ def test_files_outside_of_the_scenes_folder_are_read_only_if_allowed(tmp_path):
     refused = raybench("trace", "inner/s.yaml", *words, cwd=tmp_path)
     assert refused.returncode == 2 and "outside" in refused.stderr and "Traceback" not in refused.stderr
     assert raybench("trace", "inner/s.yaml", *words, "--allow-outside", cwd=tmp_path).returncode == 0
+
+
+class Channel:
+    """Stands for the parent's end of a worker's channel."""
+
+    def __init__(self):
+        self.sent = []
+
+    def send(self, message):
+        self.sent.append(message)
+
+
+class Counting(Faulty):
+    """Remembers how many rays each call had."""
+
+    name = "counting"
+    takes_native = False
+
+    def __init__(self):
+        self.sizes = []
+
+    def spoilt(self, hits, scene):
+        self.sizes.append(len(hits.t))
+        return hits
+
+
+def traced(folder, batch, channel=None):
+    """What a worker does, in this process."""
+    file = SceneFile("cornell_box", str(paths.find("scenes", "cornell_box")))
+    scene = load_scene(file.path)
+    rays = make_rays("camera", scene, Truth(scene), 100, 3, 1)
+    tracing.write_rays(folder / "rays.npz", rays, np.arange(0, 100, 2), rays.take(np.arange(70)))
+    settings = TracerSettings(Choice("auto"), None, 1)
+    own = str(folder / "rays.npz"), "camera", batch, 1e-3, 50, 70
+    request = RayRequest(file, scene.identity, settings, *own, scratch=str(folder / "scratch.npz"))
+    engine, channel = Counting(), channel or Channel()
+    jobs.trace(engine, request, channel)
+    return engine.sizes, channel.sent, tracing.read_answers(folder / "scratch.npz", request)
+
+
+def test_rays_are_traced_in_batches_whenever_an_engine_is_called(tmp_path, monkeypatch):
+    windows = []
+    stop = Disturbance.stop
+    monkeypatch.setattr(Disturbance, "stop", lambda self, seconds: (stop(self, seconds), windows.append(self.window)))
+    sizes, sent, answers = traced(tmp_path, 32)
+    assert sizes[0] == 32 and sizes[-7:] == [32, 32, 32, 4, 32, 32, 6] and set(sizes) == {32, 4, 6}
+    whole = traced(tmp_path, None)[2]
+    assert answers.keys() == whole.keys() and all((answers[name] == whole[name]).all() for name in whole)
+    found = next(each for each in sent if isinstance(each, Traced))
+    assert found.passes >= 2 and found.began <= windows[0][0] < windows[found.passes - 1][1] == found.ended, "all the passes"
+
+
+def test_answers_that_were_tampered_with_are_an_engines_failure(tmp_path):
+    path, request = tmp_path / "film.npz", SimpleNamespace(kind="shadow", checked=3, hard=0)
+    scratch.leave(path, blocked=np.zeros(3, bool), hard_blocked=np.zeros(0, bool))
+    assert tracing.read_answers(path, request)["blocked"].shape == (3,)
+    for arrays in ({"blocked": np.zeros(1 << 20, bool)}, {"blocked": np.zeros(3)}, {"blocked": np.zeros(2, bool)}, {}):
+        scratch.leave(path, **{"hard_blocked": np.zeros(0, bool), **arrays})
+        with pytest.raises(RendererFailed, match=r"cannot be read|its answers have blocked of (shape|dtype)"):
+            tracing.read_answers(path, request)
+    path.unlink()
+    os.mkfifo(path)
+    with pytest.raises(RendererFailed, match="the worker's answers cannot be read: NotRegularFile"):
+        tracing.read_answers(path, request)
+
+
+def test_rays_and_answers_on_a_full_disk_are_no_failure_of_the_engine(tmp_path, monkeypatch):
+    savez = np.savez
+
+    def full(path, **arrays):
+        if Path(path).name != "rays.npz":
+            raise OSError(28, "No space left on device")
+        savez(path, **arrays)
+
+    def ends(status):
+        raise SystemExit(status)
+
+    def refuses(*_):
+        raise ScratchUnwritten("film.npz: cannot be written")
+
+    plan = planner.make(config.load(sweeping.write(tmp_path, EXPERIMENT)))
+    monkeypatch.setattr(np, "savez", full)
+    with MadeRaySets(False) as sets, pytest.raises(ConfigError, match="cannot be written: No space left on device"):
+        sets.of(plan.cells[0].ray_set)
+    monkeypatch.setattr(jobs.os, "_exit", ends)
+    channel = Channel()
+    with pytest.raises(SystemExit):
+        traced(tmp_path, None, channel)
+    assert isinstance(channel.sent[-1], Unwritten) and "scratch.npz: cannot be written" in channel.sent[-1].message
+    request = RayRequest(None, "", None, "", "camera", None, 1.0, 50, 70)
+    for file, error in ((tmp_path, ConfigError), (tmp_path / "film.npz", WorkerFailed)):  # a folder is in the way
+        with pytest.raises(error, match=r"film\.npz: cannot be written"):
+            Pool._receive(SimpleNamespace(scratch=file), SimpleNamespace(receive=refuses), request, 0.0, Traced)
+
+
+def test_a_primitive_that_no_shape_has_is_none():
+    truth = Truth(load_scene(paths.find("scenes", "cornell_box")))
+    huge = np.array([0, 2**63 - 1, -(2**63)])
+    assert truth.item_of(np.ones(3, np.int64), huge).tolist()[1:] == [-1, -1]
+    assert truth.item_of(np.array([0, 1]), np.zeros(2, np.int64)).min() >= 0

@@ -33,7 +33,7 @@ from harness.config import paths
 from harness.hashing import digest
 from harness.measure import machine, memory
 from harness.measure.pool import Pool, WorkerFailed, WorkerMessage, WorkerTimeout
-from harness.measure.requests import CellRequest, RayRequest, ReferenceRequest, Request
+from harness.measure.requests import CellRequest, ReferenceRequest, Request
 from harness.plan.cells import Cell
 from harness.plan.state import expected_seconds
 from harness.run.recorder import CellRecord, Recorder
@@ -75,13 +75,7 @@ class CellResult:
 
 
 def measure_cell(
-    engine: str,
-    request: CellRequest | RayRequest,
-    timeout: float,
-    allow_imports: bool,
-    most_bytes: int | None,
-    code: Path,
-    share: float,
+    engine: str, request: CellRequest, timeout: float, allow_imports: bool, most_bytes: int | None, code: Path, share: float
 ) -> CellResult:
     """Measures a cell on the machine that runs this.
 
@@ -208,7 +202,7 @@ class Cluster:
         for cells in recorder.contended_again(lambda event: event.worker in known):
             Blocks(recorder, self, cells, again=True).run()
 
-    def submit(self, cell: Cell, request: CellRequest | RayRequest, address: str | None, share: float) -> Future:
+    def submit(self, cell: Cell, request: CellRequest, address: str | None, share: float) -> Future:
         """Gives a cell to a machine, or with that share of it to any."""
         return self.client.submit(
             measure_cell,
@@ -362,7 +356,7 @@ class Blocks:
         self.recorder.begin(cell, attempt)
         fewest = min((info["nthreads"] for info in self.machines.values()), default=1)
         share = 1.0 if self.timed else 1.0 / max(1, fewest // max(1, cell.settings.threads))
-        future = self.cluster.submit(cell, self.recorder.request(cell), address, share)
+        future = self.cluster.submit(cell, cell.request(self.recorder.plan.experiment.checkpoints), address, share)
         self.tasks[future] = Task(cell, rest, address, attempt)
         return future
 
