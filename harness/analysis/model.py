@@ -102,9 +102,9 @@ def bias_sizes(bias: BiasEstimate | None) -> dict[str, str]:
     }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Analysis:
-    """`verdicts` of all contestants that have a measured cell. `pairs` are engines compared under equal settings.
+    """`verdicts` of all contestants that have a measured cell. `engine_pairs` are engines compared under equal settings.
 
     `crossings`, `times` (to quality) and `comparisons` are the DataFrames of the functions of these names. `floors`: (scene,
     measure) -> noise floor as a log ratio, see `comparisons.noise_floors`.
@@ -112,12 +112,11 @@ class Analysis:
 
     results: Results
     verdicts: Sequence[Verdict]
-    baseline_engine: str
     crossings: Frame
     times: Frame
     comparisons: Frame
     floors: Mapping[tuple[str, str], float]
-    pairs: Sequence[EnginePair]
+    engine_pairs: Sequence[EnginePair]
 
     def floor(self, scene: str, target: float | None = None) -> float:
         """The scene's noise floor of seconds to a target, or per sample, as a log ratio; NaN where it was not measured."""

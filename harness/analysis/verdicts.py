@@ -52,7 +52,6 @@ def analyse(results: Results) -> Analysis:
     return Analysis(
         results,
         verdicts,
-        engine,
         crossed,
         crossings.times_to_quality(crossed),
         comparisons.comparisons(crossed, pairs, floors, results.config.same_within),
