@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from engines.choices import Choice
 from harness.analysis.equivalence import EnginePair
@@ -14,6 +14,9 @@ from harness.statistics import BiasEstimate, Equivalence, Estimate, Slope
 from harness.statistics.bias import RadianceSample
 from harness.store.records import BROKEN
 from harness.store.results import Contestant, Results
+
+if TYPE_CHECKING:
+    from harness.analysis.columns import Table
 
 Frame: TypeAlias = Any
 """A DataFrame of pandas, whose columns are attributes that no type checker knows."""
@@ -106,12 +109,14 @@ def bias_sizes(bias: BiasEstimate | None) -> dict[str, str]:
 class Analysis:
     """`verdicts` of all contestants that have a measured cell. `engine_pairs` are engines compared under equal settings.
 
-    `crossings`, `times` (to quality) and `comparisons` are the DataFrames of the functions of these names. `floors`: (scene,
-    measure) -> noise floor as a log ratio, see `comparisons.noise_floors`.
+    `points` and `cells` are the tables of `measurements`; `crossings`, `times` (to quality) and `comparisons` the DataFrames of
+    the functions of these names. `floors`: (scene, measure) -> noise floor as a log ratio, see `comparisons.noise_floors`.
     """
 
     results: Results
     verdicts: Sequence[Verdict]
+    points: Table
+    cells: Table
     crossings: Frame
     times: Frame
     comparisons: Frame

@@ -167,7 +167,8 @@ def results_of(folder: Path, manifest: Manifest, events: Sequence[AnyEvent]) -> 
     config, targets = config_of(manifest), last_event(events, Targets)
     quality = config.quality
     metric = targets.metric if targets else quality.name
-    goals = targets.targets if targets else (manifest.config and quality.targets) or ()  # without a config none were asked for
+    asked = quality.targets if manifest.config else None  # without a config none were asked for
+    goals = targets.targets if targets else asked or ()
     cells = [cell for cell in latest_cells(events).values() if cell.state != "outdated"]
     results = Results(
         folder,
