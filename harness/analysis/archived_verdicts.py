@@ -33,7 +33,7 @@ def archived(analysis: Analysis) -> ArchivedVerdicts:
         ),
         pairs=tuple(
             ArchivedPair(first=pair.first.settings, second=pair.second.settings, **pair.comparison._asdict())
-            for pair in analysis.pairs
+            for pair in analysis.engine_pairs
             if pair.comparison is not None
         ),
     )

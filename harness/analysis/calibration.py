@@ -7,10 +7,11 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 
-from harness.analysis.comparisons import clock_steps
+from harness.analysis.comparisons import by_race, clock_steps
 from harness.analysis.crossings import logs
-from harness.analysis.model import PER_SAMPLE, Analysis, Frame, Verdict, measure_of, raced_together
+from harness.analysis.model import CONTESTANT_KEYS, PER_SAMPLE, Analysis, Frame, Verdict, measure_of, raced_together
 from harness.statistics.calibration import BIASED_IMAGE, BIASED_TILE, RaceNoise, bias_figures, race_figures, scaled_residuals
 from harness.store.records import Calibration
 
@@ -62,19 +63,19 @@ def missed(found: Calibration) -> list[str]:
 def _noises(analysis: Analysis) -> Iterator[RaceNoise]:
     """The races on targets with the times that are known in every block; where there are none, races in seconds per sample."""
     groups = list(raced_together(analysis.verdicts).values())
-    own = analysis.crossings[analysis.crossings.own]
+    members = [(race, v.contestant.settings.scene, v.contestant.name) for race, group in enumerate(groups) for v in group]
+    times = by_race(analysis.crossings[analysis.crossings.own], pd.DataFrame(members, columns=["race", *CONTESTANT_KEYS]))
     for measures in (map(measure_of, analysis.results.targets), [PER_SAMPLE]):
-        races = [(own[own.measure == measure], group) for measure in measures for group in groups]
-        found = [noise for times, group in races if (noise := _noise(times, group)) is not None]
+        races = [(times[number, measure], group) for measure in measures for number, group in enumerate(groups)]
+        found = [noise for own, group in races if (noise := _noise(own, group)) is not None]
         if found:
             yield from found
             return
 
 
 def _noise(times: Frame, group: Sequence[Verdict]) -> RaceNoise | None:
-    """`times`: rows of `crossings` in one measure."""
-    own = times[times.scene == group[0].contestant.settings.scene]
-    low, high = logs(own, [verdict.contestant.name for verdict in group])
+    """`times`: the rows of `by_race` of the group in one measure."""
+    low, high = logs(times, len(group))
     labelled = np.array([bool(verdict.contestant.settings.label) for verdict in group])
     known = ((low == high) & np.isfinite(low)).all(axis=1) & ~labelled
     residuals = scaled_residuals(low[known])

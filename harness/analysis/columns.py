@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import pandas as pd
@@ -56,9 +57,10 @@ class Table:
     columns: list[Column]
     rows: list[dict[str, Any]] = field(default_factory=list)
 
-    @property
+    @cached_property
     def frame(self) -> pd.DataFrame:
-        """The rows with the dtypes of `DTYPES`. What is not known is `NA`, and NaN among numbers."""
+        """The rows with the dtypes of `DTYPES`, made once: rows that are put in later are not there. What is not known is `NA`,
+        and NaN among numbers."""
         found: dict[str, pd.Series] = {}
         for column in self.columns:
             values = [row.get(column.name) for row in self.rows]

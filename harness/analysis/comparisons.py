@@ -7,6 +7,7 @@ seconds per sample. `statistics.race` judges it.
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -66,11 +67,12 @@ def noise_floors(crossings: Frame, pairs: Frame) -> Floors:
     stands in, else that on the nearest harder one.
     """
     twins = pairs[(pairs.factor == AA) & (pairs.baseline != "")]
+    times = by_race(crossings[crossings.own], pairs)
     rows = []
     for twin in twins.itertuples():
-        own = crossings[crossings.own & (crossings.scene == twin.scene)]
-        both = [logs(own[own.measure == measure], [twin.baseline, twin.contestant]) for measure in measures(crossings)]
-        rows.append([twin_distance(*ends, 0, 1) for ends in both])
+        names = pairs[pairs.race == twin.race].contestant.tolist()
+        both = [logs(times[twin.race, measure], len(names)) for measure in measures(crossings)]
+        rows.append([twin_distance(*ends, names.index(twin.baseline), names.index(twin.contestant)) for ends in both])
     distances = pd.DataFrame(rows, twins.scene, measures(crossings), dtype=float)
     targets = distances.columns[1:]
     distances[targets] = distances[targets].ffill(axis=1).bfill(axis=1)
@@ -86,6 +88,14 @@ def measures(crossings: Frame) -> list[str]:
     return [PER_SAMPLE, *(measure for measure in crossings.measure.unique() if measure != PER_SAMPLE)]
 
 
+def by_race(crossings: Frame, pairs: Frame) -> Mapping[tuple[int, str], Frame]:
+    """(race, measure) -> its rows of `crossings`, with the column `row`: the place of the contestant in its race. Of `pairs`
+    the columns `race`, `scene` and `contestant` are read."""
+    places = pairs[[*CONTESTANT_KEYS, "race"]].assign(row=pairs.groupby("race").cumcount())
+    raced = crossings.merge(places, on=CONTESTANT_KEYS)
+    return defaultdict(lambda: raced[:0], iter(raced.groupby(["race", "measure"], sort=False)))
+
+
 def comparisons(crossings: Frame, pairs: Frame, floors: Floors, margin: float) -> Frame:
     """One row a contestant and measure.
 
@@ -94,7 +104,12 @@ def comparisons(crossings: Frame, pairs: Frame, floors: Floors, margin: float) -
     share; `twins_separated`, whether some A/A twins of the scene differ: nothing is then concluded in any of its races.
     `margin`: the largest share by which times that count as the same may differ.
     """
-    rows = [row for _, members in pairs.groupby("race") for row in _race(crossings, members, floors, margin)]
+    times = by_race(crossings, pairs)
+    rows = [
+        row
+        for number, members in pairs.groupby("race")
+        for row in _race({each: times[number, each] for each in measures(crossings)}, members, floors, margin)
+    ]
     found = pd.DataFrame(rows, columns=[*PAIRS, "measure", *RATIOS, "possible_winner", "noise_floor", "twins_separated"])
     separated = found.groupby(["scene", "measure"]).twins_separated.transform("any").astype(bool)
     decided = found.groupby(["race", "measure"]).possible_winner.transform("any").astype(bool)
@@ -105,16 +120,15 @@ def comparisons(crossings: Frame, pairs: Frame, floors: Floors, margin: float) -
     )
 
 
-def _race(crossings: Frame, members: Frame, floors: Floors, margin: float) -> Iterator[tuple[Any, ...]]:
-    """The rows of one race in each measure."""
-    names, scene = members.contestant.tolist(), members.scene.iloc[0]
-    place = {name: row for row, name in enumerate(names)}
+def _race(times_in: Mapping[str, Frame], members: Frame, floors: Floors, margin: float) -> Iterator[tuple[Any, ...]]:
+    """The rows of one race in each measure. `times_in`: measure -> rows of `by_race`."""
+    count, scene = len(members), members.scene.iloc[0]
+    place = {name: row for row, name in enumerate(members.contestant)}
     compared = [(place[row.contestant], place[row.baseline]) for row in members.itertuples() if row.no_ratio == ""]
     twins = [(place[row.baseline], place[row.contestant]) for row in members.itertuples() if row.factor == AA and row.baseline]
-    own = crossings[(crossings.scene == scene) & crossings.contestant.isin(names)]
-    for measure in measures(crossings):
-        times, floor = own[own.measure == measure], floors.get((scene, measure), math.nan)
-        low, high = _sure(times[times.own], names)
+    for measure, times in times_in.items():
+        floor = floors.get((scene, measure), math.nan)
+        low, high = _sure(times[times.own], count)
         found = race(
             low,
             high,
@@ -124,7 +138,7 @@ def _race(crossings: Frame, members: Frame, floors: Floors, margin: float) -> It
             twins=twins,
             clock=clock_steps(low),
             margin=margin,
-            **_readings(times, names),
+            **({} if measure == PER_SAMPLE else _readings(times, count)),
         )
         ratios = {row: ratio for (row, _), ratio in zip(compared, found.ratios, strict=True)}
         for row, member in enumerate(members.itertuples(index=False)):
@@ -132,16 +146,17 @@ def _race(crossings: Frame, members: Frame, floors: Floors, margin: float) -> It
             yield *member, measure, *ratio, found.possible_winner[row], math.expm1(floor), found.twins_separated
 
 
-def _sure(times: Frame, names: Sequence[str]) -> tuple[Logs, Logs]:
-    return logs(times, names, "sure_low", "sure_high")
+def _sure(times: Frame, count: int) -> tuple[Logs, Logs]:
+    return logs(times, count, "sure_low", "sure_high")
 
 
-def _readings(times: Frame, names: Sequence[str]) -> dict[str, Any]:
+def _readings(times: Frame, count: int) -> dict[str, Any]:
     """What a race of samplers of both kinds needs: times by either reading, and which pairs are of different kinds."""
-    kinds = times[times.own].groupby("contestant").reading.first().reindex(names).to_numpy(object)
-    if len(set(kinds)) < 2 or PER_SAMPLE in set(times.measure):
+    own, kinds = times[times.own], np.full(count, None)
+    kinds[own.row] = own.reading
+    if len(set(kinds)) < 2:
         return {}
-    return {"readings": [_sure(times[times.reading == way], names) for way in READINGS], "mixed": kinds[:, None] != kinds}
+    return {"readings": [_sure(times[times.reading == way], count) for way in READINGS], "mixed": kinds[:, None] != kinds}
 
 
 def race_of(
@@ -161,7 +176,7 @@ def race_of(
 
 def _arrays(found: Sequence[Mapping[int, Bound]]) -> tuple[Logs, Logs]:
     rows = [(place, block, *bound) for place, one in enumerate(found) for block, bound in one.items()]
-    return logs(pd.DataFrame(rows, columns=["contestant", "block", "low", "high"]), range(len(found)))
+    return logs(pd.DataFrame(rows, columns=["row", "block", "low", "high"]), len(found))
 
 
 def clock_steps(low: Logs) -> Logs:

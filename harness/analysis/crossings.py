@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
@@ -34,22 +33,20 @@ def crossings(points: Frame, cells: Frame, targets: Mapping[float, float]) -> Fr
     `points` and `cells` are those of `frames`. `targets`: goal -> the error that it stands for. Contestants without a measured
     cell are left out.
     """
-    curves = dict(iter(points[["cell_id", "spp", "mean_spp", "seconds", "error", "error_se"]].groupby("cell_id", sort=False)))
-    measured = (cells.state == "done") & cells.cell_id.isin(curves.keys())
+    numbers = points[["spp", "seconds", "error", "error_se", "mean_spp"]].to_numpy(float)
+    checkpoints = {cell_id: numbers[rows].T for cell_id, rows in points.groupby("cell_id").indices.items()}
+    measured = (cells.state == "done") & cells.cell_id.isin(checkpoints.keys())
     of_measured = measured.groupby([cells[key] for key in CONTESTANT_KEYS]).transform("any")
     read = [*CONTESTANT_KEYS, "cell_id", "block", "state", "smooth_sampler", "reproducible", "fixed_seconds"]
     tried = cells.loc[(measured | cells.state.isin(BROKEN)) & of_measured, read]
     rows = []
     for who, found in tried.sort_values("block", kind="stable").groupby(CONTESTANT_KEYS, sort=False):
-        each = [(cell, curves.get(cell.cell_id, points[:0])) for cell in found.itertuples()]
-        made = [
-            curve(p.spp, p.seconds, p.error, p.error_se, smooth=cell.smooth_sampler, reproducible=cell.reproducible)
-            for cell, p in each
-        ]
+        each = [(cell, checkpoints.get(cell.cell_id, numbers[:0].T)) for cell in found.itertuples()]
+        made = [curve(*of_curve, smooth=cell.smooth_sampler, reproducible=cell.reproducible) for cell, (*of_curve, _) in each]
         own = reading_of(made)
-        for (cell, p), errors in zip(each, made, strict=True):
-            if cell.state == "done" and p.seconds.iloc[-1] > 0:
-                seconds = p.seconds.iloc[-1] / p.mean_spp.iloc[-1]
+        for (cell, (_, taken, _, _, spp)), errors in zip(each, made, strict=True):
+            if cell.state == "done" and taken[-1] > 0:
+                seconds = taken[-1] / spp[-1]
                 rows.append((*who, cell.block, PER_SAMPLE, math.nan, "", True, seconds, seconds, "reached", 0.0, 0.0))
             for target, error in targets.items():
                 for reading in READINGS:
@@ -71,13 +68,12 @@ def _with_sure_bounds(found: Frame) -> Frame:
     return found.assign(sure_low=found.low * room, sure_high=high)
 
 
-def logs(times: Frame, names: Sequence[Any], low: str = "low", high: str = "high") -> tuple[Logs, Logs]:
-    """(k, n) lower and upper ends of ln seconds of contestants of one scene and measure, from the columns `low` and `high` of
-    their rows; NaN where one lacks a block."""
-    own = times[times.contestant.isin(names)]
-    blocks, columns = np.unique(own.block.to_numpy(int), return_inverse=True)
-    ends = np.full((2, len(names), len(blocks)), math.nan)
-    ends[:, pd.Index(names).get_indexer(own.contestant), columns] = own[[low, high]].to_numpy(float).T
+def logs(times: Frame, count: int, low: str = "low", high: str = "high") -> tuple[Logs, Logs]:
+    """(k, n) lower and upper ends of ln seconds of `count` contestants in one measure, from the columns `low` and `high`; NaN
+    where one lacks a block. `row` of `times` is the place of a contestant."""
+    blocks, columns = np.unique(times.block.to_numpy(int), return_inverse=True)
+    ends = np.full((2, count, len(blocks)), math.nan)
+    ends[:, times.row.to_numpy(int), columns] = times[[low, high]].to_numpy(float).T
     with np.errstate(divide="ignore"):
         least, most = np.log(ends)
     return least, most
@@ -87,9 +83,10 @@ def times_to_quality(crossings: Frame) -> Frame:
     """One row a start (warm, then cold), contestant and target: the columns of `TIMES`, from `seconds` on as in
     `statistics.QualityTime`."""
     own = crossings[crossings.own & (crossings.measure != PER_SAMPLE)]
-    rows = []
-    for start in ("warm", "cold"):
-        for who, found in own.groupby([*CONTESTANT_KEYS, "measure", "target"], sort=False):
-            each = list(map(Crossing, map(Bound, found.low, found.high), found.state, found.noise))
-            rows.append((*who, start, *time_to_quality(each, found.fixed_seconds if start == "cold" else ())))
-    return pd.DataFrame(rows, columns=TIMES)
+    own = own.assign(crossing=list(map(Crossing, map(Bound, own.low, own.high), own.state, own.noise)))
+    warm, cold = [], []
+    for who, found in own.groupby([*CONTESTANT_KEYS, "measure", "target"], sort=False):
+        each = found.crossing.tolist()
+        warm.append((*who, "warm", *time_to_quality(each)))
+        cold.append((*who, "cold", *time_to_quality(each, found.fixed_seconds)))
+    return pd.DataFrame([*warm, *cold], columns=TIMES)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from engines.choices import Choice
 from harness.analysis.equivalence import EnginePair
@@ -14,6 +14,9 @@ from harness.statistics import BiasEstimate, Equivalence, Estimate, Slope
 from harness.statistics.bias import RadianceSample
 from harness.store.records import BROKEN
 from harness.store.results import Contestant, Results
+
+if TYPE_CHECKING:
+    from harness.analysis.columns import Table
 
 Frame: TypeAlias = Any
 """A DataFrame of pandas, whose columns are attributes that no type checker knows."""
@@ -102,22 +105,23 @@ def bias_sizes(bias: BiasEstimate | None) -> dict[str, str]:
     }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Analysis:
-    """`verdicts` of all contestants that have a measured cell. `pairs` are engines compared under equal settings.
+    """`verdicts` of all contestants that have a measured cell. `engine_pairs` are engines compared under equal settings.
 
-    `crossings`, `times` (to quality) and `comparisons` are the DataFrames of the functions of these names. `floors`: (scene,
-    measure) -> noise floor as a log ratio, see `comparisons.noise_floors`.
+    `points` and `cells` are the tables of `measurements`; `crossings`, `times` (to quality) and `comparisons` the DataFrames of
+    the functions of these names. `floors`: (scene, measure) -> noise floor as a log ratio, see `comparisons.noise_floors`.
     """
 
     results: Results
     verdicts: Sequence[Verdict]
-    baseline_engine: str
+    points: Table
+    cells: Table
     crossings: Frame
     times: Frame
     comparisons: Frame
     floors: Mapping[tuple[str, str], float]
-    pairs: Sequence[EnginePair]
+    engine_pairs: Sequence[EnginePair]
 
     def floor(self, scene: str, target: float | None = None) -> float:
         """The scene's noise floor of seconds to a target, or per sample, as a log ratio; NaN where it was not measured."""

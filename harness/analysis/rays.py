@@ -34,6 +34,16 @@ class RayContestant:
         """Cells that were measured to their end."""
         return [cell for cell in self.cells if cell.state == "done" and cell.passes]
 
+    @cached_property
+    def timed(self) -> list[RayCell]:
+        """Those of `done` whose calls took longer than the clock resolves."""
+        return [cell for cell in self.done if cell.seconds > 0]
+
+    @property
+    def judged(self) -> list[bool]:
+        """Whether other work disturbed a block, of those of which that is known."""
+        return [cell.machine.contended for cell in self.done if cell.machine.contended is not None]
+
     @property
     def told_by(self) -> RayCell:
         """The cell that says what became of it: one that is broken, else one that is done, else any."""
@@ -66,26 +76,26 @@ class RayContestant:
         return " ".join(filter(None, ["" if self.accelerator == "auto" else self.accelerator, self.settings.precision]))
 
     def rates(self, cpu: bool = False) -> list[float]:
-        """Million rays per second of each block: of wall time, or of processor time as far as that is known."""
-        seconds = [(cell.machine.cpu_seconds or math.nan) if cpu else cell.seconds for cell in self.done]
-        return [1e-6 * cell.count * cell.passes / s if s else math.nan for cell, s in zip(self.done, seconds, strict=True)]
+        """Million rays per second of each timed block: of wall time, or of processor time as far as that is known."""
+        seconds = [(cell.machine.cpu_seconds or math.nan) if cpu else cell.seconds for cell in self.timed]
+        return [1e-6 * cell.count * cell.passes / s for cell, s in zip(self.timed, seconds, strict=True)]
 
 
 def ray_races(results: Results) -> list[list[RayContestant]]:
-    """Contestants by scene, kind of rays, threads and machine, in each race in the order in which they are baselines: by engine
+    """Contestants by scene, set of rays, threads and machine, in each race in the order in which they are baselines: by engine
     as in other races, then as the config writes them."""
-    cells: dict[RaySettings, list[RayCell]] = {}
+    cells: dict[tuple[RaySettings, str], list[RayCell]] = {}
     for cell in results.ray_cells:
-        cells.setdefault(cell.settings, []).append(cell)
+        cells.setdefault((cell.settings, cell.ray_set_id), []).append(cell)
     accelerators: dict[str, list[Choice]] = {}
-    for settings in cells:
+    for settings, _ in cells:
         accelerators.setdefault(settings.engine, []).append(settings.accelerator)
     found = [
         RayContestant(s, brief_choice(s.accelerator, accelerators[s.engine]), tuple(sorted(own, key=lambda cell: cell.block)))
-        for s, own in cells.items()
+        for (s, _), own in cells.items()
     ]
-    scenes = list(dict.fromkeys([*(each.scene.name for each in results.config.combinations), *(s.scene for s in cells)]))
-    engines = list(dict.fromkeys([results.config.baseline, *PREFERRED_BASELINES, *sorted(s.engine for s in cells)]))
+    scenes = list(dict.fromkeys([*(each.scene.name for each in results.config.combinations), *(s.scene for s, _ in cells)]))
+    engines = list(dict.fromkeys([results.config.baseline, *PREFERRED_BASELINES, *sorted(s.engine for s, _ in cells)]))
 
     def place(one: RayContestant) -> tuple[int, ...]:
         s, written = one.settings, results.config.combinations
@@ -107,15 +117,15 @@ def _stands_for(written: Combination, found: RaySettings) -> bool:
 
 def _raced(group: Sequence[RayContestant], same_within: float) -> list[RayContestant]:
     """The contestants of a race with their ratios to the first that is measured, none of them broken."""
-    timed = [row for row, one in enumerate(group) if one.done and one.told_by.state == "done"]
+    timed = [row for row, one in enumerate(group) if one.timed and one.told_by.state == "done"]
     base = next((row for row in timed if not group[row].settings.label), None)
     if base is None:
         return list(group)
-    blocks = max(cell.block for row in timed for cell in group[row].done) + 1
-    times = np.full((len(group), blocks), math.nan)
+    blocks = np.unique([cell.block for row in timed for cell in group[row].timed])
+    times = np.full((len(group), len(blocks)), math.nan)
     for row in timed:
-        for cell in group[row].done:
-            times[row, cell.block] = math.log(max(cell.seconds, 1e-9) / cell.passes)
+        for cell in group[row].timed:
+            times[row, np.searchsorted(blocks, cell.block)] = math.log(cell.seconds / cell.passes)
     places = {group[row].settings: row for row in timed}
     twins = [(places.get(replace(one, label="")), row) for one, row in places.items() if one.label]
     pairs = [(one, other) for one, other in twins if one is not None]

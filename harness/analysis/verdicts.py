@@ -46,13 +46,15 @@ def analyse(results: Results) -> Analysis:
     }
     verdicts = [found[contestant] for contestant in measured]
     targets = dict(zip(results.targets, error_targets(results), strict=True))
-    crossed = crossings.crossings(measurements.points(results).frame, measurements.cells(results).frame, targets)
+    points, cells = measurements.points(results), measurements.cells(results)
+    crossed = crossings.crossings(points.frame, cells.frame, targets)
     pairs = comparisons.pairs(results, verdicts)
     floors = comparisons.noise_floors(crossed, pairs)
     return Analysis(
         results,
         verdicts,
-        engine,
+        points,
+        cells,
         crossed,
         crossings.times_to_quality(crossed),
         comparisons.comparisons(crossed, pairs, floors, results.config.same_within),

@@ -18,15 +18,15 @@ from pandas.api import types
 
 from engines.errors import ConfigError, UnknownName
 from engines.registry import load_attribute
-from harness.analysis import Analysis, frames, measurements
+from harness.analysis import Analysis, frames
 from harness.analysis.columns import Column, Table, rows_of
 from harness.report.plots.chart import Picture
 from harness.report.plots.style import file_stem, formats
 
 GROUPS = {"plot": "raybench.plots", "table": "raybench.tables"}
 FRAMES: dict[str, Callable[[Analysis], Table]] = {
-    "points": lambda analysis: measurements.points(analysis.results),
-    "cells": lambda analysis: measurements.cells(analysis.results),
+    "points": lambda analysis: analysis.points,
+    "cells": lambda analysis: analysis.cells,
     "times_to_quality": frames.times_to_quality,
     "verdicts": frames.verdicts,
 }
@@ -108,7 +108,7 @@ def make(plugins: Iterable[Plugin], analysis: Analysis, folder: Path) -> Made:
                 raise ConfigError(f"another {each.kind} is called {each.stem}")
             taken.add((each.kind, each.stem))
             if each.kind == "plot":
-                made.pictures.append(_picture(each, source.frame, folder / "plots"))
+                made.pictures.append(_picture(each, source.frame.copy(), folder / "plots"))
             else:
                 made.tables.append(_table(each, source, folder / "tables"))
         except (Exception, SystemExit) as error:
@@ -133,7 +133,7 @@ def _picture(plugin: Plugin, frame: pd.DataFrame, folder: Path) -> Picture:
 def _table(plugin: Plugin, source: Table, folder: Path) -> Table:
     from harness.report.tables import write_table
 
-    found = plugin.function(source.frame)
+    found = plugin.function(source.frame.copy())
     if not isinstance(found, pd.DataFrame):
         raise TypeError(f"expected a DataFrame, found {type(found).__name__}")
     named = [name for name in found.index.names if name is not None]

@@ -12,6 +12,7 @@ from rich.markup import escape
 from rich.table import Table as Printed
 
 from harness.analysis.columns import Column, Table
+from harness.report.tables.evidence import contended_text
 from harness.report.tables.model import cell_text
 from harness.report.tables.rays import rays
 from harness.statistics import Estimate
@@ -29,10 +30,11 @@ def rays_text(results: Results) -> str:
     """A table a scene, set of rays and number of threads, what was declined or failed, and how busy the machine was; empty
     without cells that trace rays."""
     table = rays(results)
-    return "".join(f"{line}\n" for line in _lines(table)) if table.rows else ""
+    contended = [cell.machine.contended for cell in results.ray_cells if cell.state == "done" and cell.passes]
+    return "".join(f"{line}\n" for line in _lines(table, contended)) if table.rows else ""
 
 
-def _lines(table: Table) -> Iterator[str]:
+def _lines(table: Table, contended: Sequence[bool | None]) -> Iterator[str]:
     races: dict[tuple[Any, ...], list[Row]] = {}
     for row in table.rows:
         races.setdefault(tuple(row[key] for key in ("scene", "primitives", "rays", "threads", "machine")), []).append(row)
@@ -41,7 +43,8 @@ def _lines(table: Table) -> Iterator[str]:
         if done:
             of = f"{scene}, {primitives} primitives: {kind} rays, {threads} thread{'s' if threads > 1 else ''}"
             on = f", machine {machine}" if machine else ""
-            yield f"{of}{on}; {done[0]['checked']} rays checked, {done[0]['hard']} hard rays"
+            checked = [f"{row['checked']} rays checked, {row['hard']} hard rays" for row in done if "checked" in row]
+            yield f"{of}{on}; {checked[0] if checked else 'no answers checked'}"
             yield from _printed(done, table.columns)
     said: dict[str, None] = {}
     for row in table.rows:
@@ -50,9 +53,8 @@ def _lines(table: Table) -> Iterator[str]:
         elif row["unstable"]:
             said[f"{row['scene']} {row['rays']}: {_name(row)}: its answers differ between blocks"] = None
     yield from said
-    blocks, contended = (sum(row.get(key) or 0 for row in table.rows) for key in ("blocks", "contended"))
-    busy = " Times of a busy machine: read the ratios, which are paired by blocks." if contended > blocks / 4 else ""
-    yield f"{contended} of {blocks} measurements were disturbed by other work.{busy}"
+    busy = sum(map(bool, contended)) > len(contended) / 4
+    yield contended_text(contended) + (" Times of a busy machine: read the ratios, which are paired by blocks." if busy else "")
 
 
 def _printed(rows: Sequence[Row], columns: Sequence[Column]) -> list[str]:

@@ -19,7 +19,7 @@ MOST_NAMES = 4
 @dataclass(frozen=True)
 class Standing:
     """Who may be the fastest of a panel to a target, by mean times: one of `possible` is the fastest, several are not
-    separated, and where there is none, none that reached it is ranked. `rows`: of `Analysis.by_target`, one a verdict."""
+    separated, and where there is none `nobody` says why. `rows`: of `Analysis.by_target`, one a verdict."""
 
     panel: Panel
     rows: list[Any]
@@ -36,6 +36,16 @@ class Standing:
     @property
     def ranked(self) -> list[Any]:
         return [row for row in self.rows if row.ranked]
+
+    @property
+    def nobody(self) -> str:
+        """Why none may be the fastest; empty where one may."""
+        if self.possible:
+            return ""
+        if not self.reached:
+            return "not reached"
+        ranked = any(row.ranked for row in self.reached)
+        return "the reference is too noisy to rank those that reached it" if ranked else "none that reached it is ranked"
 
     @property
     def left_out(self) -> list[str]:
@@ -86,7 +96,7 @@ def _line(of: Standing) -> str:
 
 def _fastest(of: Standing) -> str:
     if not of.possible:
-        return "none of those that reached it is ranked" if of.reached else "not reached"
+        return of.nobody
     if len(of.possible) > 1:
         names = [row.contestant for _, row in of.possible]
         more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""

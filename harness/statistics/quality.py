@@ -29,9 +29,10 @@ class QualityTime(NamedTuple):
 
 
 def time_to_quality(crossings: Sequence[Crossing], fixed_seconds: Iterable[float] = ()) -> QualityTime:
-    """Over seeds, by the crossings of all of them in seconds of rendering, see `crossing_seconds`.
+    """The time of a contestant to a target. `crossings`: one a seed, each in seconds of rendering, see `crossing_seconds`.
 
-    `fixed_seconds`, one a seed, are added: import + load + build + compilation for cold times; without them times are warm.
+    `fixed_seconds`: import + load + build + compilation of each seed, which are added for cold times; without them times are
+    warm.
     """
     fixed = list(fixed_seconds) or [0.0] * len(crossings)
     ends = [[start + crossing.x[end] for start, crossing in zip(fixed, crossings, strict=True)] for end in (0, 1)]

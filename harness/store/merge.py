@@ -85,7 +85,7 @@ def _cells(sources: Sequence[Results]) -> dict[str, Owned]:
     """Every cell once, by its new id; of a cell that two folders have from one machine the younger."""
     found: dict[str, Owned] = {}
     for source in sources:
-        for cell in (*source.cells, *source.ray_cells):
+        for cell in source.all_cells:
             known = found.get(_new_id(cell))
             if known is None or cell.time > known[1].time:
                 found[_new_id(cell)] = source, cell

@@ -388,11 +388,15 @@ class Answers(Record):
         return self.wrong + self.missed + self.false_hits
 
 
+RayKind = Literal["camera", "shadow", "incoherent"]
+"""One of `harness.config.settings.RAY_KINDS`."""
+
+
 class Traced(Measurement):
     """A cell that traces a set of `count` rays of a kind: `passes` times in `seconds` of timed calls."""
 
     precision: str | None
-    rays: str
+    rays: RayKind
     ray_set_id: Id
     count: Count
     passes: Count = 0

@@ -25,6 +25,7 @@ from harness.store.events import check_results, events_file, last_event, latest_
 from harness.store.folder import config_of, image_file, read_manifest
 from harness.store.records import (
     BROKEN,
+    AnyCell,
     AnyEvent,
     ArchivedVerdicts,
     Calibration,
@@ -97,6 +98,11 @@ class Results:
     contestants: list[Contestant] = field(default_factory=list)
 
     @property
+    def all_cells(self) -> list[AnyCell]:
+        """The cells of both kinds."""
+        return [*self.cells, *self.ray_cells]
+
+    @property
     def scenes(self) -> list[str]:
         """Scenes in the order of the contestants: that of the config."""
         return list(dict.fromkeys(contestant.settings.scene for contestant in self.contestants))
@@ -161,7 +167,8 @@ def results_of(folder: Path, manifest: Manifest, events: Sequence[AnyEvent]) -> 
     config, targets = config_of(manifest), last_event(events, Targets)
     quality = config.quality
     metric = targets.metric if targets else quality.name
-    goals = targets.targets if targets else (manifest.config and quality.targets) or ()  # without a config none were asked for
+    asked = quality.targets if manifest.config else None  # without a config none were asked for
+    goals = targets.targets if targets else asked or ()
     cells = [cell for cell in latest_cells(events).values() if cell.state != "outdated"]
     results = Results(
         folder,
@@ -170,7 +177,7 @@ def results_of(folder: Path, manifest: Manifest, events: Sequence[AnyEvent]) -> 
         of_kind(cells, Cell),
         {event.reference_id: event for event in of_kind(events, records.Reference)},
         metric,
-        sorted((goal for goal in goals if not isinstance(goal, str)), reverse=not higher_is_better(metric)),
+        sorted(goals, reverse=not higher_is_better(metric)),
         of_kind(events, Run),
         {event.env_id: event for event in of_kind(events, Environment)},
         {event.reference_id: event for event in of_kind(events, Certificate)},
@@ -233,8 +240,8 @@ def setting_text(axis: str, value: Any) -> str:
 
 
 def _contestants(cells: Sequence[Cell], config_scenes: Sequence[str]) -> list[Contestant]:
-    """Cells by configuration, named by what differs among those that were measured, or from them; a single shader by its
-    options alone.
+    """Cells by configuration, named by what differs within a `scope` among those that were measured, or from them, where none
+    was among all; a single shader by its options alone.
 
     Scenes come in the order of the config, others after them as they appear; contestants of a scene in that of their settings
     as texts.
@@ -251,15 +258,15 @@ def _contestants(cells: Sequence[Cell], config_scenes: Sequence[str]) -> list[Co
     words = [name_words(contestant, choices) for contestant in contestants]
     if len({contestant.settings.shader.name for contestant in contestants}) == 1:
         words = [own | {"shader": own["shader"].partition("(")[2].removesuffix(")")} for own in words]
-    measured = [bool(contestant.done) for contestant in contestants]
+    measured = {scope(axis, contestant) for contestant in contestants if contestant.done for axis in AXES}
     seen: dict[tuple[str, str], set[str]] = {}
-    for contestant, own, done in zip(contestants, words, measured, strict=True):
-        if done or not any(measured):
-            for axis in AXES:
+    for contestant, own in zip(contestants, words, strict=True):
+        for axis in AXES:
+            if contestant.done or scope(axis, contestant) not in measured:
                 seen.setdefault(scope(axis, contestant), set()).add(own[axis])
     named = []
     for contestant, own in zip(contestants, words, strict=True):
-        shown = [own[a] for a in AXES if a == "engine" or seen.get(scope(a, contestant), set()) - {own[a]}]
+        shown = [own[a] for a in AXES if a == "engine" or seen[scope(a, contestant)] - {own[a]}]
         named.append(replace(contestant, name=" ".join(word for word in shown if word)))
     return named
 

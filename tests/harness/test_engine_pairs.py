@@ -20,21 +20,21 @@ def analysis(tmp_path_factory):
 def test_every_pair_of_engines_is_compared_under_equal_settings_once(analysis):
     seen = [
         (p.first.settings.scene, p.first.settings.sampler, *sorted((p.first.settings.engine, p.second.settings.engine)))
-        for p in analysis.pairs
+        for p in analysis.engine_pairs
     ]
     assert len(seen) == len(set(seen)) == 2 * 2 * 3
-    assert all(p.first.settings.sampler == p.second.settings.sampler for p in analysis.pairs)
-    assert not any(p.first.settings.label or p.second.settings.label for p in analysis.pairs)
+    assert all(p.first.settings.sampler == p.second.settings.sampler for p in analysis.engine_pairs)
+    assert not any(p.first.settings.label or p.second.settings.label for p in analysis.engine_pairs)
 
 
 def test_the_biased_engine_differs_from_both_others_and_nothing_else_differs(analysis):
-    for pair in analysis.pairs:
+    for pair in analysis.engine_pairs:
         biased = any((c.settings.scene, c.settings.engine) == BIASED for c in (pair.first, pair.second))
         assert (pair.verdict == "different") == biased, (pair.first.name, pair.second.name)
 
 
 def test_words_say_what_was_found_and_on_how_many_images(analysis):
-    for pair in analysis.pairs:
+    for pair in analysis.engine_pairs:
         told = describe(pair.comparison.found)
         assert rests_on(pair.comparison).startswith("5 pairs of images at ")
         assert "the image means differ by" in told if pair.verdict == "different" else "differ by at most" in told
@@ -42,7 +42,7 @@ def test_words_say_what_was_found_and_on_how_many_images(analysis):
 
 def test_the_table_has_a_row_a_pair_with_bounds(analysis):
     rows = equivalence_table(analysis).rows
-    assert len(rows) == len(analysis.pairs)
+    assert len(rows) == len(analysis.engine_pairs)
     assert all(0 < row["image_bound"] < row["tile_bound"] < 1 for row in rows)
     assert all(row["image_bound"] == pytest.approx(max(map(abs, row["difference"][1:3]))) for row in rows)
 
@@ -58,7 +58,7 @@ def test_the_margins_are_those_of_the_config(analysis):
 
 def test_unequal_samples_are_taken_where_they_say_more_and_the_words_say_so(analysis):
     """numpy has fewer samples; images of one seed share no noise here, so that the last ones have less of it."""
-    pairs = [pair for pair in analysis.pairs if "numpy" in (pair.first.settings.engine, pair.second.settings.engine)]
+    pairs = [pair for pair in analysis.engine_pairs if "numpy" in (pair.first.settings.engine, pair.second.settings.engine)]
     compared = [pair.comparison for pair in pairs]
     assert compared and not any(comparison.paired for comparison in compared)
     assert all(comparison.spp[0] != comparison.spp[1] and " and " in rests_on(comparison) for comparison in compared)

@@ -5,13 +5,12 @@ What was not varied is left out. The tables hold numbers and who may be best; wh
 
 from __future__ import annotations
 
+from collections import Counter
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
-
-from harness.analysis import Analysis, error_targets, measurements
+from harness.analysis import Analysis, error_targets
 from harness.report.chapter import figures, measures
 from harness.report.chapter.document import Listing, Paragraph, Section, TablePart
 from harness.report.chapter.families import (
@@ -34,7 +33,8 @@ from harness.report.chapter.texts import WORST, error_name, listed, plural
 from harness.report.tables import Column, Table
 from harness.report.tables.evidence import floors_text
 from harness.statistics import Estimate
-from harness.store.results import Contestant
+from harness.store.records import AnyCell
+from harness.store.results import Contestant, Results
 
 
 def section(analysis: Analysis, plots: Path) -> Section:
@@ -88,7 +88,7 @@ def place(analysis: Analysis) -> list[str]:
     machine = analysis.results.manifest.machine
     cores = machine.get("usable_cores") or machine.get("cores")
     cpu = machine.get("cpu") or "an unnamed processor"
-    days = sorted({cell.time[:10] for cell in analysis.results.cells if cell.time})
+    days = sorted({cell.time[:10] for cell in analysis.results.all_cells if cell.time})
     when = f", on {' to '.join(dict.fromkeys((days[0], days[-1])))}" if days else ""
     size = f" with {cores} usable core{'' if cores == 1 else 's'}" if cores else ""
     return [f"The machine was {cpu}{size}{when}."]
@@ -97,10 +97,10 @@ def place(analysis: Analysis) -> list[str]:
 def limits(analysis: Analysis) -> Section:
     """What did not run, and how quiet the machine was."""
     results = analysis.results
-    cells = measurements.by_contestant(measurements.cells(results).frame, results)
-    counted = listed([f"{number} {state}" for state, number in cells.state.value_counts().sort_index().items()])
-    said = [f"Of {plural(len(cells), 'cell')}, {counted}."]
-    missing = set(results.manifest.cell_ids) - set(cells.cell_id)
+    cells = results.all_cells
+    states = sorted(Counter(cell.state for cell in cells).items())
+    said = [f"Of {plural(len(cells), 'cell')}, {listed([f'{number} {state}' for state, number in states])}."]
+    missing = set(results.manifest.cell_ids) - {cell.cell_id for cell in cells}
     if missing:
         said.append(f"{plural(len(missing), 'cell')} of the experiment had not been begun.")
     contended = contended_cells(analysis)
@@ -109,18 +109,22 @@ def limits(analysis: Analysis) -> Section:
         if contended
         else "No cell shared the machine with other work while being timed."
     )
-    reasons = _reasons(cells)
+    reasons = _reasons(results)
     return Section("What else to know", [Paragraph(said), *([Listing(reasons)] if reasons else [])])
 
 
 def contended_cells(analysis: Analysis) -> int:
-    return sum(bool(cell.machine.contended) for cell in analysis.results.cells)
+    return sum(bool(cell.machine.contended) for cell in analysis.results.all_cells)
 
 
-def _reasons(cells: pd.DataFrame) -> list[str]:
+def _reasons(results: Results) -> list[str]:
     """Who was not measured, and why, in the engine's words."""
-    failed = cells[(cells.state != "done") & cells.message.fillna("").ne("")]
-    who = (failed.contestant + " on " + failed.scene).groupby([failed.state, failed.message], sort=False).unique()
+    named: list[tuple[AnyCell, str]] = [(cell, c.name) for c in results.contestants for cell in c.cells]
+    named += [(cell, f"{cell.engine} with {cell.rays} rays") for cell in results.ray_cells]
+    who: dict[tuple[str, str], dict[str, None]] = {}
+    for cell, name in named:
+        if cell.state != "done" and cell.message:
+            who.setdefault((cell.state, cell.message), {})[f"{name} on {cell.scene}"] = None
     return [f"{listed(list(names))}: {state}, {message}." for (state, message), names in who.items()]
 
 

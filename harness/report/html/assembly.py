@@ -153,6 +153,7 @@ def _headline(analysis: Analysis, panel: Panel, target: float) -> dict[str, Any]
         "reached": len(found.reached),
         "left_out": found.left_out,
         "noisy": found.noisy,
+        "nobody": found.nobody,
     }
     if len(found.possible) != 1:
         return line | {"rivals": [row.contestant for _, row in found.possible]}
@@ -302,7 +303,7 @@ def _script_json(value: Any, **options: Any) -> Markup:
 def _pair_verdicts(analysis: Analysis) -> list[tuple[str, int]]:
     """(verdict, how many pairs of engines have it), the worst first."""
     order = ("different", "unresolved", "unknown", "equivalent", "identical")
-    counts = Counter(pair.verdict for pair in analysis.pairs)
+    counts = Counter(pair.verdict for pair in analysis.engine_pairs)
     return [(verdict, counts[verdict]) for verdict in order if counts[verdict]]
 
 
@@ -321,7 +322,7 @@ def _machines(analysis: Analysis) -> list[str]:
     """The measured cells' environments in words: more than one must not share a time axis in silence."""
     results = analysis.results
     known = {env_id: environment.preimage for env_id, environment in results.environments.items()}
-    found = sorted({cell.env_id for cell in (*results.cells, *results.ray_cells) if cell.state == "done"})
+    found = sorted({cell.env_id for cell in results.all_cells if cell.state == "done"})
     return [machine_words(env_id, known.get(env_id, {})) for env_id in found]
 
 
@@ -335,5 +336,4 @@ def machine_words(env_id: str, preimage: Mapping[str, Any]) -> str:
 
 
 def _state_counts(analysis: Analysis) -> dict[str, int]:
-    states = [cell.state for cell in (*analysis.results.cells, *analysis.results.ray_cells)]
-    return dict(sorted(Counter(states).items()))
+    return dict(sorted(Counter(cell.state for cell in analysis.results.all_cells).items()))

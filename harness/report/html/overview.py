@@ -54,10 +54,12 @@ class Badge(NamedTuple):
 
 
 class Cell(NamedTuple):
-    """A scene and target. `entries` are the possible winners: one is the fastest, several are not separated, none is ranked."""
+    """A scene and target. `entries` are the possible winners: one is the fastest, several are not separated. Where there
+    is none, `nobody` says why."""
 
     target: str
     entries: list[Entry]
+    nobody: str
     reached: int
     out_of: int
     ranked: int
@@ -106,6 +108,7 @@ def _cell(analysis: Analysis, panel: Panel, target: float, calibration: Calibrat
     return Cell(
         f"{target:g}",
         [_entry(found, *possible) for possible in found.possible],
+        found.nobody,
         len(found.reached),
         len(found.rows),
         len(found.ranked),
@@ -180,7 +183,7 @@ def small_plot(analysis: Analysis, panel: Panel, palette: Palette) -> Markup:
             curves.append((verdict, *(np.log10(values[sure]) for values in (data.x, data.error, data.low, data.high))))
     if not curves:
         return Markup("")
-    targets = [math.log10(target) for target in error_targets(analysis.results) if target > 0]
+    targets = [math.log10(target) for target in error_targets(analysis.results)]
     x0, x1 = _ends(np.concatenate([curve[1] for curve in curves]))
     y0, y1 = _ends(np.concatenate([*(part for curve in curves for part in curve[3:]), targets]))
 
@@ -200,7 +203,7 @@ def small_plot(analysis: Analysis, panel: Panel, palette: Palette) -> Markup:
             f'<path class="grid" d="M{x:.1f} 4V{PLOT_HEIGHT - BOTTOM}"/>'
             f'<text x="{x:.1f}" y="{PLOT_HEIGHT - 5}" text-anchor="middle">{words}</text>'
         )
-    for named, target in zip(analysis.results.targets, targets, strict=False):
+    for named, target in zip(analysis.results.targets, targets, strict=True):
         y = y_of(target)
         parts.append(
             f'<path class="target" d="M{LEFT} {y:.1f}H{PLOT_WIDTH - 4}"/>'

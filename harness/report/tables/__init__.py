@@ -7,7 +7,7 @@ from pathlib import Path
 
 from harness.analysis import Analysis, frames
 from harness.analysis.columns import Column, Table
-from harness.analysis.measurements import CONTESTANT, cells, points
+from harness.analysis.measurements import CONTESTANT
 from harness.report.tables.changes import changes
 from harness.report.tables.model import cell_text, csv_text, latex_text, markdown_text, sort_value
 from harness.report.tables.verdicts import all_tables
@@ -24,7 +24,7 @@ def columns(tables: list[Table]) -> dict[str, str]:
 
 def tidy_tables(analysis: Analysis) -> list[Table]:
     """points, ttq and phases: the frames as csv files hold them, without the name of the contestant."""
-    found = [points(analysis.results), frames.times_to_quality(analysis), cells(analysis.results)]
+    found = [analysis.points, frames.times_to_quality(analysis), analysis.cells]
     return [replace(table, columns=[c for c in table.columns if c is not CONTESTANT]) for table in found]
 
 

@@ -108,7 +108,7 @@ def equivalence(analysis: Analysis) -> Table:
             Column("rests_on", "Pairs of images, and their samples per pixel."),
         ],
     )
-    for pair in analysis.pairs:
+    for pair in analysis.engine_pairs:
         row: dict[str, Any] = {
             "scene": pair.first.settings.scene,
             "first": pair.first.name,

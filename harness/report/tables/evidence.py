@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from harness.analysis import Analysis
 from harness.report.tables.model import number_text
@@ -27,10 +27,14 @@ def blocks_text(analysis: Analysis) -> str:
 
 def contention_text(analysis: Analysis) -> str:
     """How many of the cells that count were contended, and of how many that is known."""
-    cells = [cell for verdict in analysis.verdicts for cell in verdict.contestant.done]
-    judged = [cell.machine.contended for cell in cells if cell.machine.contended is not None]
+    return contended_text([cell.machine.contended for verdict in analysis.verdicts for cell in verdict.contestant.done])
+
+
+def contended_text(contended: Sequence[bool | None]) -> str:
+    """How many timings were contended, and of how many that is known (not None); empty without timings."""
+    judged = [each for each in contended if each is not None]
     if not judged:
-        return "Contention was not measured." if cells else ""
+        return "Contention was not measured." if contended else ""
     if not any(judged):
         return "No timing is contended."
     return f"{sum(judged)} of {len(judged)} timings {'is' if sum(judged) == 1 else 'are'} contended."

@@ -41,7 +41,7 @@ COLUMNS = [
     Column("build_seconds", "Seconds to build tracer and accelerator: median over blocks.", "number", "build [s]"),
     Column("first_call_seconds", "Seconds of the first call, which may compile: median.", "number", "first call [s]"),
     Column("blocks", "Blocks measured.", "count"),
-    Column("contended", "Blocks that were disturbed by other work of the machine.", "count"),
+    Column("contended", "Blocks that were disturbed by other work of the machine, of those of which that is known.", "count"),
     Column("unstable", "Whether answers differed between blocks.", "flag"),
     Column("state", "done, failed, timeout or skipped."),
     Column("message", "Why it was skipped or has failed."),
@@ -84,7 +84,7 @@ def _row(one: RayContestant, several_machines: bool) -> dict[str, Any]:
             "build_seconds": float(np.median([phase_seconds(each, "build") for each in one.done])),
             "first_call_seconds": float(np.median([phase_seconds(each, "compile") for each in one.done])),
             "blocks": len(one.done),
-            "contended": sum(bool(each.machine.contended) for each in one.done),
+            "contended": sum(one.judged) if one.judged else None,
         }
     if answers:
         row |= {key: value for key, value in answers.model_dump(exclude={"sha256"}).items() if value is not None}

@@ -246,7 +246,7 @@ def failures(analysis: Analysis) -> Table:
             Column("message", "The reason, as the engine or the harness gave it."),
         ],
     )
-    found = measurements.by_contestant(measurements.cells(analysis.results).frame, analysis.results)
+    found = measurements.by_contestant(analysis.cells.frame, analysis.results)
     failed = found[found.state != "done"].fillna({"message": ""})
     cases = failed.groupby(["scene", "contestant", "state", "message"], sort=False)
     counted = pd.DataFrame({"cells": cases.size()}).reset_index()
