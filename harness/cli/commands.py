@@ -15,7 +15,7 @@ from typing import Annotated, Any, Optional
 
 import typer
 
-from harness.cli import conversion, images, tracing
+from harness.cli import conversion, images, paper, tracing
 from harness.cli.comparing import SeveralFolders, compare
 from harness.cli.options import (
     DEFAULT_ENGINE,
@@ -339,6 +339,7 @@ def equivalence(
 
 
 command(CHECKS)(tracing.trace)
+command(EXPERIMENTS)(paper.figure)
 command(FILES)(conversion.export)
 command(FILES, name="import")(conversion.import_)
 
