@@ -15,7 +15,7 @@ from typing import Annotated, Any
 
 import typer
 
-from harness.cli import conversion, images, rays
+from harness.cli import conversion, images, paper, rays
 from harness.cli.comparing import SeveralFolders, compare
 from harness.cli.options import (
     DEFAULT_ENGINE,
@@ -327,6 +327,7 @@ def equivalence(
 
 
 command(CHECKS)(rays.trace)
+command(EXPERIMENTS)(paper.figure)
 command(FILES)(conversion.export)
 command(FILES, name="import")(conversion.import_)
 
