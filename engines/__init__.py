@@ -4,7 +4,7 @@ from engines.choices import Choice
 from engines.errors import ConfigError, RaybenchError, SceneError, UnknownName, Unsupported
 from engines.film import Film
 from engines.interface import Engine, Hits, Renderer, Settings
-from engines.registry import engine, engine_names
+from engines.registry import engine, engine_names, from_function
 from engines.scene import Scene, load_scene, save_scene, scene_from
 from engines.tonemap import register as register_tone_mapper
 
@@ -23,6 +23,7 @@ __all__ = [
     "Unsupported",
     "engine",
     "engine_names",
+    "from_function",
     "load_scene",
     "register_tone_mapper",
     "save_scene",

@@ -10,6 +10,7 @@ import os
 import re
 import sys
 import warnings
+from collections.abc import Callable
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
@@ -45,7 +46,8 @@ def known_names() -> list[str]:
 
 
 def engine(name: Any) -> Engine:
-    """The engine of a name, `module:attribute` or renderer's file; an object is returned as it is, a class is called.
+    """The engine of a name, `module:attribute` or renderer's file; an object is returned as it is, a class is called, and of a
+    function `from_function` makes an engine.
 
     A name may be followed by @ and a Python, see `interpreter`. An engine with such a one, and one whose class has
     `own_process = True`, runs in a process of its own.
@@ -69,6 +71,19 @@ def engine(name: Any) -> Engine:
 def make(place: str) -> Engine:
     """The engine at `module:attribute`, in this process even where it asks for one of its own."""
     return _made(load_attribute(place), place)
+
+
+def from_function(render: Callable[..., Any], name: str = "", version: str = "1") -> Engine:
+    """The engine of a function `render(scene, settings, spp, seed)`, which returns the mean of `spp` samples per pixel as an
+    array (h, w, 3) of linear radiance, row 0 at the top.
+
+    `settings` have every choice resolved; `settings.size(scene)` is width and height. `seed`, in [1, 2^31), is another one in
+    every call. The function raises `Unsupported` with a sentence for what it cannot render. `name` is by default that of the
+    function. Change `version` when its images or speed may change.
+    """
+    named = name or getattr(render, "__name__", type(render).__name__)
+    made: Engine = load_attribute("engines.peers.function:FunctionEngine")(render, named, version)
+    return made
 
 
 def split(name: str) -> tuple[str, str | None]:
@@ -169,6 +184,8 @@ def load_attribute(path: str) -> Any:
 
 
 def _made(found: Any, name: object) -> Engine:
+    if _is_function(found):
+        return from_function(found, name.replace(":", ".") if isinstance(name, str) else "")
     try:
         made = found() if isinstance(found, type) else found
     except (Exception, SystemExit) as error:
@@ -185,6 +202,11 @@ def _made(found: Any, name: object) -> Engine:
     if not isinstance(lineage, str) or not lineage.isprintable() or not lineage.strip():
         raise ConfigError(f"engine {name!r}: its lineage is {lineage!r}: a line of text is expected")
     return made
+
+
+def _is_function(found: Any) -> bool:
+    """Whether something can be called that is neither a class nor an engine."""
+    return callable(found) and not isinstance(found, type) and not hasattr(found, "prepare")
 
 
 def _entry_points() -> list[EntryPoint]:

@@ -107,6 +107,7 @@ ALLOWED: dict[str, set[str]] = {
         *("engines.peers.adapters", "engines.peers.export"),
     },
     "engines.peers.export": {*_BASE, "engines.image", "engines.peers.adapters", "engines.peers.mitsuba"},
+    "engines.peers.function": {*_BASE, "engines.peers.adapters"},
     "engines.peers.luxcore": {*_BASE, "engines.peers.adapters"},
     "engines.peers.mitsuba": {*_BASE, "engines.peers.adapters", "engines.temporary"},
     "engines.peers.open3d": _BASE,
