@@ -6,6 +6,7 @@ What a module of this folder has in its `__all__` is public here.
 from engines.scene import bsdf, cameras, lights, materials, mesh, models, scene, shapes, textures, triple
 from engines.scene.bsdf import *
 from engines.scene.cameras import *
+from engines.scene.files import names_a_file
 from engines.scene.lights import *
 from engines.scene.load import load_scene, scene_from
 from engines.scene.materials import *
@@ -17,7 +18,7 @@ from engines.scene.textures import *
 from engines.scene.triple import *
 from engines.scene.write import save_scene
 
-__all__ = ["load_scene", "save_scene", "scene_from"]
+__all__ = ["load_scene", "names_a_file", "save_scene", "scene_from"]
 __all__ += bsdf.__all__
 __all__ += cameras.__all__
 __all__ += lights.__all__

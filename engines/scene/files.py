@@ -12,6 +12,8 @@ from engines.schema.yaml_file import Located
 
 SUFFIXES = (".yaml", ".yml", ".xml")
 """Of scene files: of those with one name, the first is found."""
+MESH_SUFFIXES = (".obj", ".ply", ".stl")
+"""Of meshes that are scenes by themselves; a bare name finds none of them."""
 _ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -31,11 +33,16 @@ def is_xml(path: str | PathLike[str]) -> bool:
     return Path(path).suffix.lower() == ".xml"
 
 
+def names_a_file(name: str) -> bool:
+    """Whether a scene's name is that of a file, by its suffix, and not a bare one."""
+    return name.lower().endswith((*SUFFIXES, *MESH_SUFFIXES))
+
+
 def find_scene(path: str | PathLike[str]) -> Path:
     """The file of a path, or of a bare name (no folder, no suffix). Raises `SceneError` where there is none."""
     name = fspath(path)
     direct = Path(name)
-    bare = direct.name == name and direct.suffix.lower() not in SUFFIXES
+    bare = direct.name == name and not names_a_file(name)
     if not bare or isfile(direct):
         return direct
     for folder in scene_folders():

@@ -136,7 +136,7 @@ Scene = Annotated[
     str,
     typer.Argument(
         metavar="SCENE",
-        help="A scene: a path (.yaml, or Mitsuba's .xml), or a bare name from scenes/.",
+        help="A scene: a path (.yaml, Mitsuba's .xml, or a mesh: .obj, .ply, .stl), or a bare name from scenes/.",
         autocompletion=shipped("scenes"),
     ),
 ]

@@ -10,6 +10,7 @@ import os
 from pathlib import Path
 
 from engines.errors import ConfigError, suggestion
+from engines.scene import names_a_file
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 
@@ -49,7 +50,7 @@ def find(kind: str, given: str, beside: Path | None = None) -> Path:
 
     What lies at a path may be anything: readers refuse all but regular files.
     """
-    looks_like_path = "/" in given or given.endswith((".yaml", ".yml", ".xml"))
+    looks_like_path = "/" in given or names_a_file(given)
     for folder in ([beside] if beside else []) + [Path.cwd()]:
         candidate = os.path.join(folder, os.path.expanduser(given))
         if looks_like_path and os.path.exists(candidate):  # where Path.exists raises for names that are too long
@@ -60,5 +61,5 @@ def find(kind: str, given: str, beside: Path | None = None) -> Path:
     noun = {"scenes": "scene", "configs": "experiment"}[kind]
     if looks_like_path:
         raise ConfigError(f"{noun} {given!r}: there is no such file")
-    there = ", and what lies there is no YAML or XML file" if os.path.exists(given) else ""
+    there = ", and what lies there has no suffix of a scene" if os.path.exists(given) else ""
     raise ConfigError(f"unknown {noun} {given!r}{there}: {suggestion(given, known)}")

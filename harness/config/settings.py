@@ -14,7 +14,7 @@ from engines.choices import Choice
 from engines.errors import ConfigError, RaybenchError, suggestion
 from engines.registry import BUILT_IN, THIS, engine_names, interpreter, is_file, known_names, split
 from engines.registry import engine as engine_of
-from engines.scene import Scene, load_scene
+from engines.scene import Scene, load_scene, names_a_file
 from engines.schema.keys import Key, Schema
 from engines.schema.kinds import Kind
 from engines.schema.yaml_file import Located
@@ -79,7 +79,7 @@ class SceneKind:
             path = Path(given) if context is RECORDED else paths.find("scenes", given, context)
         except ConfigError as error:
             raise node.origin.error(f"{node.where}: {error}") from error
-        bare = "/" not in given and not given.endswith((".yaml", ".yml", ".xml"))
+        bare = "/" not in given and not names_a_file(given)
         return SceneFile(given if bare else path.stem, str(path))
 
     def write(self, value: SceneFile) -> Any:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from engines.errors import ConfigError, suggestion
 from engines.input_files import open_regular
+from engines.scene import names_a_file
 from harness.config import paths
 from harness.store import confined
 
@@ -51,7 +52,7 @@ class Library:
         shipped = paths.shipped("scenes")
         if name in shipped:
             return shipped[name].resolve()
-        if "/" not in name and not name.endswith(SUFFIXES):
+        if "/" not in name and not names_a_file(name):
             raise ConfigError(f"unknown scene {name!r}: {suggestion(name, shipped)}")
         path = self.inside(name)
         if not path.is_file():
