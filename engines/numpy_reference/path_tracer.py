@@ -14,7 +14,9 @@ import numpy as np
 from engines.numpy_reference.bsdf import Lobes
 from engines.numpy_reference.context import MOST_NULL_LOBES, Context
 from engines.numpy_reference.direct_light import resample_light, sample_light
+from engines.numpy_reference.guiding import GuidedScattering, Records, recorded
 from engines.numpy_reference.interaction import SurfaceInteraction
+from engines.numpy_reference.materials import Materials
 from engines.numpy_reference.vectors import Array, Indices, Mask, dot
 
 POINT_U0, POINT_U1, LIGHT, LOBE, DIRECTION_U0, DIRECTION_U1, ROULETTE = range(7)
@@ -69,6 +71,7 @@ def Li(context: Context, origin: Array, direction: Array, pixel: Indices, sample
         np.ones(n, bool),
         np.ones(n),
     )
+    records: list[Records] = []
     for event in range(1, context.options["max_depth"] + MOST_NULL_LOBES):
         context.check()
         # the next surface
@@ -87,13 +90,31 @@ def Li(context: Context, origin: Array, direction: Array, pixel: Indices, sample
         at, uc = context.materials.walk(at, context.draw(paths.pixel, sample, base + LOBE))
         total[:, paths.lane] += _direct(context, paths, at, goes_on & ~absent, sample, base)
         paths, scattered = _scattered(context, paths, at, absent, hits.t, uc, sample, event)
+        if context.guide is not None:
+            records.append(_record(context.guide, paths, scattered, total))
         paths = _roulette(context, paths, scattered & (paths.depth > context.options["rr_depth"]), sample, base)
+    if context.guide is not None:
+        for found in records:
+            context.guide.add(found, total)
     return total
+
+
+def _record(guide: GuidedScattering, paths: Paths, scattered: Mask, total: Array) -> Records:
+    """The directions in which paths have just been `scattered` at vertices."""
+    kept = np.flatnonzero(scattered & recorded(paths.pdf, paths.depth - 1))
+    paths = paths.take(kept)
+    radiance = total.take(paths.lane, axis=1)
+    return guide.record(paths.lane, paths.vertex, paths.direction, paths.pdf, paths.throughput, radiance)
 
 
 def _base(event: int) -> int:
     """The first dimension of the vertex at the end of a path's ray number `event`, from 1 on."""
     return 2 + 8 * (event - 1)
+
+
+def _scattering(context: Context) -> Materials | GuidedScattering:
+    """What samples directions."""
+    return context.materials if context.guide is None else context.guide
 
 
 def _crosses_freely(context: Context) -> bool:
@@ -183,7 +204,7 @@ def _direct(context: Context, paths: Paths, at: SurfaceInteraction, asked: Mask,
     weight = np.ones(lanes.size)
     if context.options["direct"] == "mis":
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            ratio = context.materials.pdf(at, light.wi) / (light.pdf / choices)
+            ratio = _scattering(context).pdf(at, light.wi) / (light.pdf / choices)
             weight = 1.0 / (1.0 + ratio * ratio)
     with np.errstate(invalid="ignore", over="ignore"):
         cosine = np.abs(dot(at.normal, light.wi))
@@ -204,7 +225,7 @@ def _scattered(
     chooses lobes; where the surface is `absent` (n,), the ray goes straight on."""
     base = _base(event)
     u0, u1 = (context.draw(paths.pixel, sample, base + k) for k in (DIRECTION_U0, DIRECTION_U1))
-    found = context.materials.sample(at, uc, u0, u1)
+    found = _scattering(context).sample(at, uc, u0, u1)
     null, wi = absent | context.materials.passes(at, found.wi), np.where(absent, -at.wo, found.wi)
     weight, eta = np.where(absent, 1.0, found.weight), np.where(absent, 1.0, context.materials.eta(at, found.wi))
     vertex = ~null if _crosses_freely(context) else ~absent

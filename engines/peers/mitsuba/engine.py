@@ -136,6 +136,8 @@ class Engine:
             return "Mitsuba's path integrator chooses lights evenly only"
         if shader.name == "path_tracer" and shader.options["light_candidates"] != 1:
             return "Mitsuba's path integrator resamples no light samples: light_candidates must be 1"
+        if shader.name == "path_tracer" and shader.options["guiding"] != "none":
+            return "Mitsuba's path integrator does not guide paths"
         if sampler.name not in ("random", "stratified", *SAMPLERS):
             return f"Mitsuba has no sampler {sampler.name}: known: random, stratified, {', '.join(SAMPLERS)}"
         if self.variant == library.SCALAR:
