@@ -158,7 +158,9 @@ SHADERS: dict[str, dict[str, Option]] = {
         ),
         "bsdf_fraction": Option(0.5, "of guided directions, the share that the BSDF samples", number(0.01, 1.0)),
         "spatial_threshold": Option(
-            4000, "directions found at which a place of the guide is halved; times sqrt(2) at each iteration", integer(100, 10**9)
+            4000,
+            "directions found at which a place of the guide is halved; times sqrt(2) at each iteration",
+            integer(100, 10**9),
         ),
         "flux_threshold": Option(
             0.01, "share of a place's light at which a solid angle of the guide is divided", number(1e-4, 1.0)

@@ -78,7 +78,7 @@ def refined(tree: SDTree, totals: NDArray[np.int64], most_records: float, most_f
     flux = totals[..., HIGH] * (UNIT * 2.0**HALF_WORD) + totals[..., LOW] * UNIT
     records = totals[..., COUNT].astype(np.float64)
     for first, last in reversed(list(zip(tree.levels[1:-1], tree.levels[2:], strict=True))):
-        parents = tree.quarters[: first]
+        parents = tree.quarters[:first]
         inner = (parents >= first) & (parents < last)
         flux[:first][inner] = flux[parents[inner]].sum(axis=1)
         records[:first][inner] = records[parents[inner]].sum(axis=1)
@@ -98,15 +98,15 @@ def _halved(tree: SDTree, halvings: NDArray[np.int64]) -> tuple[int, Indices]:
     of = np.repeat(np.arange(leaves.size), inner)
     heap = len(tree.halves) + np.arange(of.size) - first_inner[of] + 1
     below = 2 * heap[:, None] + np.arange(2)
-    added = np.where(below < leaves[of, None], first_inner[of, None] + below - 1, leaves[of, None] - below - first_leaf[of, None] - 1)
+    added = np.where(
+        below < leaves[of, None], first_inner[of, None] + below - 1, leaves[of, None] - below - first_leaf[of, None] - 1
+    )
     kept = np.where(tree.halves < 0, instead[-1 - tree.halves], tree.halves)
     root = int(instead[-1 - tree.root]) if tree.root < 0 else tree.root
     return root, np.concatenate([kept, added]).astype(np.int32)
 
 
-def _divided(
-    tree: SDTree, flux: Reals, roots: NDArray[np.int64], most_flux: float
-) -> tuple[Indices, Reals, tuple[int, ...]]:
+def _divided(tree: SDTree, flux: Reals, roots: NDArray[np.int64], most_flux: float) -> tuple[Indices, Reals, tuple[int, ...]]:
     """(quarters, shares, levels) of quadtrees like those of `roots`, divided anew by the light in their quarters. Light of a
     quarter that was not divided yet is spread evenly."""
     node, light, tree_light = roots, flux[roots], flux[roots].sum(axis=1)
