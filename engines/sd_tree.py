@@ -48,6 +48,8 @@ class SDTree:
     """(m, 2) what the lower and the upper half are: an inner node, or -1 - leaf."""
     quarters: Indices
     """(n, 4) the node that divides a quarter, -1 for none. Quarter 1 has the larger x, 2 the larger y, 3 both."""
+    densities: Reals
+    """(n, 4) the share of its light in each quarter, over that of its solid angle."""
     shares: Reals
     """(n, 3) of the light in the node, the share of the quarters 0 and 2; of theirs that of 0; of that of 1 and 3 that of 1."""
     levels: tuple[int, ...]
@@ -69,7 +71,7 @@ def planted(boxes: Sequence[tuple[Sequence[float], Sequence[float]]]) -> SDTree:
     low, high = corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)
     size = np.maximum(high - low, max(1e-3 * (high - low).max(), 1e-9))
     none = np.zeros((0, 2), np.int32)
-    return SDTree(low, size, -1, none, np.full((1, 4), -1, np.int32), np.full((1, 3), 0.5), (0, 1))
+    return SDTree(low, size, -1, none, np.full((1, 4), -1, np.int32), np.ones((1, 4)), np.full((1, 3), 0.5), (0, 1))
 
 
 def refined(tree: SDTree, totals: NDArray[np.int64], most_records: float, most_flux: float) -> SDTree:
@@ -85,8 +87,9 @@ def refined(tree: SDTree, totals: NDArray[np.int64], most_records: float, most_f
     per_leaf = records[: tree.leaves].sum(axis=1)
     halvings = np.ceil(np.log2(np.maximum(per_leaf / most_records, 1.0))).astype(np.int64)
     root, halves = _halved(tree, halvings)
-    quarters, shares, levels = _divided(tree, flux, np.repeat(np.arange(tree.leaves), 2**halvings), most_flux)
-    return SDTree(tree.corner, tree.size, root, halves, quarters, shares, levels)
+    quarters, light, levels = _divided(tree, flux, np.repeat(np.arange(tree.leaves), 2**halvings), most_flux)
+    densities, shares = _densities(light), _shares(light)
+    return SDTree(tree.corner, tree.size, root, halves, quarters, densities, shares, levels)
 
 
 def _halved(tree: SDTree, halvings: NDArray[np.int64]) -> tuple[int, Indices]:
@@ -107,10 +110,10 @@ def _halved(tree: SDTree, halvings: NDArray[np.int64]) -> tuple[int, Indices]:
 
 
 def _divided(tree: SDTree, flux: Reals, roots: NDArray[np.int64], most_flux: float) -> tuple[Indices, Reals, tuple[int, ...]]:
-    """(quarters, shares, levels) of quadtrees like those of `roots`, divided anew by the light in their quarters. Light of a
+    """(quarters, light in them, levels) of quadtrees like those of `roots`, divided anew by the light in their quarters. Light of a
     quarter that was not divided yet is spread evenly."""
     node, light, tree_light = roots, flux[roots], flux[roots].sum(axis=1)
-    quarters, shares, levels = [], [_shares(light)], [0, len(roots)]
+    quarters, lights, levels = [], [light], [0, len(roots)]
     for level in range(DEEPEST):
         divides = (light > most_flux * tree_light[:, None]) & (level + 1 < DEEPEST)
         numbers = np.full(light.shape, -1, np.int32)
@@ -122,9 +125,15 @@ def _divided(tree: SDTree, flux: Reals, roots: NDArray[np.int64], most_flux: flo
         node = np.where(node[:, None] < 0, -1, tree.quarters[node])[divides]
         light = np.where(node[:, None] < 0, light[divides][:, None] / 4.0, flux[node])
         tree_light = tree_light[parent]
-        shares.append(_shares(light))
+        lights.append(light)
         levels.append(levels[-1] + len(node))
-    return np.concatenate(quarters), np.concatenate(shares), tuple(levels)
+    return np.concatenate(quarters), np.concatenate(lights), tuple(levels)
+
+
+def _densities(light: Reals) -> Reals:
+    """(n, 4) as in `SDTree`; 1 where there is no light."""
+    total = light.sum(axis=1, keepdims=True)
+    return np.where(total > 0.0, 4.0 * light / np.where(total > 0.0, total, 1.0), 1.0)
 
 
 def _shares(light: Reals) -> Reals:

@@ -68,7 +68,7 @@ def learn(paths, records, radiance):
             for k in range(3):
                 before, throughput = np.float64(numbers[row + 4 + k]), np.float64(numbers[row + 1 + k])
                 found += _incident(np.float64(radiance[path + k]), before, throughput)
-            found /= 3.0 * pdf
+            found /= 3.0
             cell = address + 24 * np.int64(cells[place])
             fetch_add(cell + 8 * COUNT, 1)
             if found > 0.0 and found < math.inf:

@@ -183,8 +183,11 @@ class RayBatch(LaneRecord):
     bsdf_share = real()  # with which the BSDF samples the direction, else the tree does
     guided = flag()  # the tree does
     guide_wi = vector()  # its sample
-    guide_x, guide_y = real(), real()  # a direction as a place in the square
-    guide_pdf = real()  # with which the tree would have sampled the light's direction
+    guide_node = integer()  # in a walk through the tree, below 0 at its end
+    guide_place = vector()  # the vertex, in halves of halves of the box
+    guide_u0, guide_u1 = real(), real()
+    guide_x, guide_y = real(), real()  # a direction as a place in the square, or in a part of it
+    guide_pdf = real()  # with which the tree samples it, per solid angle
     record_vertex = integer()  # number of the vertex whose direction is recorded, from 0 on; -1 for none
     record_cell = integer()  # 4 times the tree's node in which it lies, plus the quarter
     record_throughput = vector()  # behind the vertex, before roulette
@@ -335,6 +338,7 @@ class SceneTable(Table):
     guide_root = scalar()
     guide_halves = array(np.int32)  # two a node over space
     guide_quarters = array(np.int32)  # four a node over directions
+    guide_densities = array(REAL)  # four
     guide_shares = array(REAL)  # three
 
     # set by the renderer

@@ -16,4 +16,5 @@ def bind_guide(flat: FlatScene, tree: SDTree, bsdf_fraction: float) -> None:
     flat.bind(SceneTable.guide_root, tree.root)
     flat.bind(SceneTable.guide_halves, tree.halves.reshape(-1))
     flat.bind(SceneTable.guide_quarters, tree.quarters.reshape(-1))
+    flat.bind(SceneTable.guide_densities, tree.densities.reshape(-1).astype(flat.real))
     flat.bind(SceneTable.guide_shares, tree.shares.reshape(-1).astype(flat.real))

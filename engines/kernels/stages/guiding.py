@@ -1,7 +1,7 @@
 """Path guiding by an SD-tree (`engines.sd_tree`; docs/transport.md): its sample, its densities, and what of a vertex is
 recorded, for the tree to learn from.
 
-Loops over lanes that compute are vector code; those that walk through the tree take one lane after the other.
+All loops over lanes are vector code.
 """
 
 from __future__ import annotations
@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from engines.kernels.compile.jit import compile_stage, inline
+from engines.kernels.compile.masks import lanes_where
 from engines.kernels.compile.records import lane_numbers
-from engines.kernels.compile.values import const, lowest_bit, select
+from engines.kernels.compile.values import const, select
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten.materials import MODELS
 from engines.kernels.lane.arctan import arctan2
@@ -22,70 +23,127 @@ from engines.kernels.lane.vector import Vec3, dot, largest, sin_cos_turn
 from engines.kernels.layout import LANES, ray_batch, scene_table
 from engines.sd_tree import MOST_RECORDS
 
-BELOW_ONE = 1.0 - 2.0**-53
 HUGE = 3e38
+_inner = lanes_where(">=", 0)
+"""The word of the lanes whose walk through a tree has not ended."""
 
 
-# ---- the tree ----------------------------------------------------------------------------------------------------------
+# ---- walks through the tree, all lanes one level at a time --------------------------------------------------------------
 
 
-@inline
-def _leaf_at(scene, box, p):
-    """The leaf in which the point p lies; what is outside the box counts as on its surface."""
-    node = np.int64(scene.guide_root)
-    x, y, z = (p.x - box.corner.x) / box.size.x, (p.y - box.corner.y) / box.size.y, (p.z - box.corner.z) / box.size.z
-    x, y, z = _clamped(np.float64(x)), _clamped(np.float64(y)), _clamped(np.float64(z))
-    while node >= 0:
-        doubled = 2.0 * x
-        upper = doubled >= 1.0
-        node = np.int64(scene.guide_halves[2 * node + select(upper, 1, 0)])
-        x, y, z = y, z, doubled - select(upper, 1.0, 0.0)
-    return -1 - node
+@cache
+def _make_clamped(real: Any) -> Any:
+    """The function x -> x in [0, 1), 0 of NaN."""
+    zero, below_one = real(0), real(1.0 - np.finfo(real).epsneg)
+
+    @inline
+    def clamped(x):
+        x = select(x < below_one, x, below_one)
+        return select(x > zero, x, zero)
+
+    return clamped
 
 
-@inline
-def _clamped(x):
-    """In [0, 1), and 0 of NaN."""
-    x = select(x < BELOW_ONE, x, BELOW_ONE)
-    return select(x > 0.0, x, 0.0)
+@cache
+def _make_find_leaves(real: Any) -> Any:
+    """The function (rays, scene, box) that finds the leaf in which each lane's point lies; what is outside the box counts as
+    on its surface."""
+    clamped, zero, one, two = _make_clamped(real), real(0), real(1), real(2)
+
+    @inline
+    def find_leaves(rays, scene, box):
+        root = np.int32(scene.guide_root)
+        for lane in range(np.uint64(LANES)):
+            p = rays.point[lane]
+            place = Vec3(
+                (p.x - box.corner.x) / box.size.x, (p.y - box.corner.y) / box.size.y, (p.z - box.corner.z) / box.size.z
+            )
+            rays.guide_place[lane] = Vec3(clamped(place.x), clamped(place.y), clamped(place.z))
+            rays.guide_node[lane] = root
+        while _inner(rays.guide_node) != 0:
+            for lane in range(np.uint64(LANES)):
+                node, place = np.int32(rays.guide_node[lane]), rays.guide_place[lane]
+                doubled = two * place.x
+                upper = doubled >= one
+                half = np.int32(
+                    scene.guide_halves[np.int32(2) * max(node, np.int32(0)) + select(upper, np.int32(1), np.int32(0))]
+                )
+                rays.guide_node[lane] = select(node >= np.int32(0), half, node)
+                rays.guide_place[lane] = Vec3(place.y, place.z, doubled - select(upper, one, zero))
+        for lane in range(np.uint64(LANES)):
+            rays.guide_leaf[lane] = np.int32(-1) - np.int32(rays.guide_node[lane])
+
+    return find_leaves
 
 
-@inline
-def _chosen(u, share):
-    """Whether u chooses the second of two, whose first has this share; and the rest of u."""
-    second = u >= share
-    rest = select(second, (u - share) / (1.0 - share), u / share)
-    return second, select(rest < BELOW_ONE, rest, BELOW_ONE)
+@cache
+def _make_sample(real: Any) -> Any:
+    """The function (rays, scene) that samples a place in the square of directions in the lanes that the tree guides, in
+    proportion to the light in the quadtree of their leaf."""
+    below_one, zero, one, half = real(1.0 - np.finfo(real).epsneg), real(0), real(1), real(0.5)
+
+    @inline
+    def chosen(u, share):
+        """Whether u chooses the second of two, whose first has this share; and the rest of u."""
+        second = u >= share
+        rest = select(second, u - share, u) / select(second, one - share, share)
+        return second, select(rest < below_one, rest, below_one)
+
+    @inline
+    def sample(rays, scene):
+        for lane in range(np.uint64(LANES)):
+            rays.guide_node[lane] = select(rays.guided[lane], np.int32(rays.guide_leaf[lane]), np.int32(-1))
+            rays.guide_u0[lane], rays.guide_u1[lane] = rays.draw[4, lane], rays.draw[5, lane]
+            rays.guide_x[lane], rays.guide_y[lane] = zero, zero
+        edge = one
+        while _inner(rays.guide_node) != 0:
+            edge *= half
+            for lane in range(np.uint64(LANES)):
+                node = np.int32(rays.guide_node[lane])
+                inner, n = node >= np.int32(0), max(node, np.int32(0))
+                left = scene.guide_shares[np.int32(3) * n]
+                right, u0 = chosen(rays.guide_u0[lane], left)
+                low = scene.guide_shares[np.int32(3) * n + select(right, np.int32(2), np.int32(1))]
+                high, u1 = chosen(rays.guide_u1[lane], low)
+                quarter = select(right, np.int32(1), np.int32(0)) + select(high, np.int32(2), np.int32(0))
+                divided = np.int32(scene.guide_quarters[np.int32(4) * n + quarter])
+                last = inner & (divided < np.int32(0))
+                x = rays.guide_x[lane] + select(right, edge, zero) + select(last, u0 * edge, zero)
+                y = rays.guide_y[lane] + select(high, edge, zero) + select(last, u1 * edge, zero)
+                rays.guide_x[lane] = select(inner, x, rays.guide_x[lane])
+                rays.guide_y[lane] = select(inner, y, rays.guide_y[lane])
+                rays.guide_u0[lane], rays.guide_u1[lane] = u0, u1
+                rays.guide_node[lane] = select(inner, divided, np.int32(-1))
+        for lane in range(np.uint64(LANES)):
+            rays.guide_wi[lane] = _direction_of(rays.guide_x[lane], rays.guide_y[lane])
+
+    return sample
 
 
-@inline
-def _sample(scene, leaf, u0, u1):
-    """A place (x, y) in the square of directions, in proportion to the light in the quadtree of a leaf."""
-    node, x, y, edge = leaf, 0.0, 0.0, 1.0
-    while node >= 0:
-        right, u0 = _chosen(u0, np.float64(scene.guide_shares[3 * node]))
-        high, u1 = _chosen(u1, np.float64(scene.guide_shares[3 * node + select(right, 2, 1)]))
-        edge *= 0.5
-        x += select(right, edge, 0.0)
-        y += select(high, edge, 0.0)
-        node = np.int64(scene.guide_quarters[4 * node + select(right, 1, 0) + select(high, 2, 0)])
-    return x + u0 * edge, y + u1 * edge
+@cache
+def _make_look_up(real: Any) -> Any:
+    """The function (rays, scene) that finds, for the places (`guide_x`, `guide_y`), the cells in which they lie, as
+    `record_cell`, and the density of the tree's samples per solid angle, as `guide_pdf`. Where `guide_node` is the root of
+    the leaf's quadtree; where that is -1 the density is 0."""
+    zero, one, two, sphere = real(0), real(1), real(2), real(1.0 / (4.0 * math.pi))
 
+    @inline
+    def look_up(rays, scene):
+        for lane in range(np.uint64(LANES)):
+            rays.guide_pdf[lane] = select(np.int32(rays.guide_node[lane]) >= np.int32(0), sphere, zero)
+        while _inner(rays.guide_node) != 0:
+            for lane in range(np.uint64(LANES)):
+                node = np.int32(rays.guide_node[lane])
+                inner, n = node >= np.int32(0), max(node, np.int32(0))
+                x, y = two * rays.guide_x[lane], two * rays.guide_y[lane]
+                right, high = x >= one, y >= one
+                rays.guide_x[lane], rays.guide_y[lane] = x - select(right, one, zero), y - select(high, one, zero)
+                cell = np.int32(4) * n + select(right, np.int32(1), np.int32(0)) + select(high, np.int32(2), np.int32(0))
+                rays.guide_pdf[lane] = rays.guide_pdf[lane] * select(inner, scene.guide_densities[cell], one)
+                rays.record_cell[lane] = select(inner, cell, np.int32(rays.record_cell[lane]))
+                rays.guide_node[lane] = select(inner, np.int32(scene.guide_quarters[cell]), np.int32(-1))
 
-@inline
-def _look_up(scene, leaf, x, y):
-    """The cell in which (x, y) lies, and the density of `_sample` per solid angle."""
-    node, cell, pdf = leaf, np.int64(0), 1.0 / (4.0 * math.pi)
-    while node >= 0:
-        x, y = 2.0 * x, 2.0 * y
-        right, high = x >= 1.0, y >= 1.0
-        x, y = x - select(right, 1.0, 0.0), y - select(high, 1.0, 0.0)
-        left = np.float64(scene.guide_shares[3 * node])
-        low = np.float64(scene.guide_shares[3 * node + select(right, 2, 1)])
-        pdf *= 4.0 * select(right, 1.0 - left, left) * select(high, 1.0 - low, low)
-        cell = 4 * node + select(right, 1, 0) + select(high, 2, 0)
-        node = np.int64(scene.guide_quarters[cell])
-    return cell, pdf
+    return look_up
 
 
 @inline
@@ -146,18 +204,15 @@ def scattering_lanes(rays, max_depth):
 
 def _make_choose(features: SceneFeatures, kinds: tuple[int, ...], masks: bool, hides: bool, real: Any) -> Any:
     only_delta, several = _make_only_delta(kinds, features), len(kinds) > 1
-    single, zero, one, below_one = kinds[0] if kinds else 0, real(0), real(1), real(1.0 - np.finfo(real).epsneg)
+    single, one, below_one = kinds[0] if kinds else 0, real(1), real(1.0 - np.finfo(real).epsneg)
+
+    find_leaves, sample = _make_find_leaves(real), _make_sample(real)
 
     def choose(batch, scene_address):
         rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
         box = scene.guide[0]
-        lanes, fraction = scattering_lanes(rays, np.int64(scene.options[0])), real(box.bsdf_fraction)
-        todo = lanes
-        while todo != 0:
-            lane = np.uint64(lowest_bit(todo))
-            todo &= todo - 1
-            rays.guide_leaf[lane] = _leaf_at(scene, box, rays.point[lane])
-        todo = np.int64(0)
+        lanes, fraction, some = scattering_lanes(rays, np.int64(scene.options[0])), real(box.bsdf_fraction), np.int64(0)
+        find_leaves(rays, scene, box)
         for lane in range(np.uint64(LANES)):
             kind = np.int64(rays.bsdf_model[lane]) if several else np.int64(single)
             guided = (lanes >> np.int64(lane)) & 1 != 0
@@ -171,17 +226,9 @@ def _make_choose(features: SceneFeatures, kinds: tuple[int, ...], masks: bool, h
             rays.bsdf_share[lane] = share
             rays.guided[lane] = by_tree
             rays.draw[3, lane] = select(rest < below_one, rest, below_one)
-            todo |= np.int64(1 if by_tree else 0) << np.int64(lane)
-        if todo == 0:
-            return
-        while todo != 0:
-            lane = np.uint64(lowest_bit(todo))
-            todo &= todo - 1
-            u0, u1 = np.float64(rays.draw[4, lane]), np.float64(rays.draw[5, lane])
-            x, y = _sample(scene, np.int64(rays.guide_leaf[lane]), u0, u1)
-            rays.guide_x[lane], rays.guide_y[lane] = x, y
-        for lane in range(np.uint64(LANES)):
-            rays.guide_wi[lane] = _direction_of(rays.guide_x[lane], rays.guide_y[lane])
+            some |= np.int64(1 if by_tree else 0)
+        if some != 0:
+            sample(rays, scene)
 
     return choose
 
@@ -192,42 +239,40 @@ def _make_choose(features: SceneFeatures, kinds: tuple[int, ...], masks: bool, h
 def _make_mix(masks: bool, lit: bool, real: Any) -> Any:
     zero, one, huge = real(0), real(1), real(HUGE)
 
+    look_up, clamped = _make_look_up(real), _make_clamped(real)
+
     def mix(batch, scene_address):
         rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
         lanes = scattering_lanes(rays, np.int64(scene.options[0]))
-        for lane in range(np.uint64(LANES)):
-            x, y = _place_of(rays.sample_wi[lane])
-            rays.kept[0, lane], rays.kept[1, lane] = x, y
-            rays.kept[2, lane] = 0.0
-            if lit:
+        if lit:
+            for lane in range(np.uint64(LANES)):
+                asked = ((lanes >> np.int64(lane)) & 1 != 0) & (rays.bsdf_share[lane] < one) & (rays.value_scale[lane] > zero)
                 x, y = _place_of(rays.wi[lane])
-                rays.kept[3, lane], rays.kept[4, lane] = x, y
-                rays.kept[5, lane] = 0.0
-        todo = lanes
-        while todo != 0:
-            lane = np.uint64(lowest_bit(todo))
-            todo &= todo - 1
-            leaf = np.int64(rays.guide_leaf[lane])
-            if rays.sample_valid[lane] and rays.sample_pdf[lane] <= huge:
-                cell, pdf = _look_up(scene, leaf, _clamped(rays.kept[0, lane]), _clamped(rays.kept[1, lane]))
-                rays.record_cell[lane] = cell
-                rays.kept[2, lane] = pdf
-            if lit and rays.bsdf_share[lane] < one and rays.value_scale[lane] > zero:
-                _, pdf = _look_up(scene, leaf, _clamped(rays.kept[3, lane]), _clamped(rays.kept[4, lane]))
-                rays.kept[5, lane] = pdf
+                rays.guide_x[lane], rays.guide_y[lane] = clamped(x), clamped(y)
+                rays.guide_node[lane] = select(asked, np.int32(rays.guide_leaf[lane]), np.int32(-1))
+            look_up(rays, scene)
+            for lane in range(np.uint64(LANES)):
+                share, opacity = rays.bsdf_share[lane], rays.opacity[lane] if masks else one
+                by_tree = (one - share) * opacity * rays.guide_pdf[lane]
+                rays.value_pdf[lane] = share * rays.value_pdf[lane] + by_tree
+        for lane in range(np.uint64(LANES)):
+            asked = ((lanes >> np.int64(lane)) & 1 != 0) & rays.sample_valid[lane] & (rays.sample_pdf[lane] <= huge)
+            x, y = _place_of(rays.sample_wi[lane])
+            rays.guide_x[lane], rays.guide_y[lane] = clamped(x), clamped(y)
+            rays.guide_node[lane] = select(asked, np.int32(rays.guide_leaf[lane]), np.int32(-1))
+        look_up(rays, scene)
         for lane in range(np.uint64(LANES)):
             share, pdf = rays.bsdf_share[lane], rays.sample_pdf[lane]
-            by_tree = one - share
-            if masks:
-                by_tree = by_tree * rays.opacity[lane]
-            specular, mixed = pdf > huge, share * pdf + by_tree * real(rays.kept[2, lane])
+            opacity = rays.opacity[lane] if masks else one
+            specular, mixed = pdf > huge, share * pdf + (one - share) * opacity * rays.guide_pdf[lane]
             by_bsdf = select(specular, one / share, pdf / mixed)
             factor = select(rays.guided[lane], one / mixed, by_bsdf)
+            ratio = select(specular, one, select(pdf > zero, mixed / pdf, one))
+            ratio = select(ratio > one, ratio, one)
+            rays.sample_eta_scale[lane] = rays.sample_eta_scale[lane] * ratio
             scale = rays.sample_scale[lane] * select(mixed > zero, factor, zero)
             rays.sample_scale[lane] = scale
             rays.sample_pdf[lane] = select(specular, pdf, mixed)
-            if lit:
-                rays.value_pdf[lane] = share * rays.value_pdf[lane] + by_tree * real(rays.kept[5, lane])
             # the record
             weight, depth = rays.sample_color[lane] * scale, np.int32(rays.depth[lane])
             side = dot(rays.geometric_normal[lane], rays.sample_wi[lane])
@@ -235,7 +280,7 @@ def _make_mix(masks: bool, lit: bool, real: Any) -> Any:
             kept = ((lanes >> np.int64(lane)) & 1 != 0) & rays.sample_valid[lane] & leaves & (not specular)
             kept = kept & (mixed > zero) & (largest(weight) > zero) & (depth <= np.int32(MOST_RECORDS))
             rays.record_vertex[lane] = select(kept, depth - np.int32(1), np.int32(-1))
-            rays.record_throughput[lane] = rays.throughput[lane] * weight
+            rays.record_throughput[lane] = rays.throughput[lane]
 
     return mix
 

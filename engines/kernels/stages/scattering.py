@@ -268,7 +268,7 @@ def _load_scattering(rays, lane, si, through, eta_scale):
 
 def refracts(features: SceneFeatures) -> bool:
     """Whether some model of the scene bends what it transmits."""
-    return any(MODELS[kind].lane(features.of_bsdfs).ior is not None for kind in features.bsdfs)
+    return features.guided or any(MODELS[kind].lane(features.of_bsdfs).ior is not None for kind in features.bsdfs)
 
 
 def in_stages(features: SceneFeatures) -> bool:
