@@ -110,8 +110,8 @@ def _halved(tree: SDTree, halvings: NDArray[np.int64]) -> tuple[int, Indices]:
 
 
 def _divided(tree: SDTree, flux: Reals, roots: NDArray[np.int64], most_flux: float) -> tuple[Indices, Reals, tuple[int, ...]]:
-    """(quarters, light in them, levels) of quadtrees like those of `roots`, divided anew by the light in their quarters. Light of a
-    quarter that was not divided yet is spread evenly."""
+    """(quarters, light in them, levels) of quadtrees like those of `roots`, divided anew by the light in their quarters. Light
+    of a quarter that was not divided yet is spread evenly."""
     node, light, tree_light = roots, flux[roots], flux[roots].sum(axis=1)
     quarters, lights, levels = [], [light], [0, len(roots)]
     for level in range(DEEPEST):

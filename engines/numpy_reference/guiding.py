@@ -22,16 +22,15 @@ BELOW_ONE = 1.0 - 2.0**-53
 
 
 class Records(NamedTuple):
-    """m scattered directions and the radiance that paths had gathered when they took them."""
+    """m directions in which vertices scattered paths."""
 
     lane: Indices
     cell: Indices
-    pdf: Array
-    """(m,) of the direction, per solid angle."""
+    """(m,) where in the tree the direction lies."""
     throughput: Array
-    """(3, m) behind the vertex."""
+    """(3, m) of the path, before the vertex."""
     radiance: Array
-    """(3, m) of the path so far."""
+    """(3, m) of the path, emission and light sample of the vertex included."""
 
 
 class GuidedScattering:
@@ -44,8 +43,9 @@ class GuidedScattering:
         self._materials, self._bsdf_fraction = materials, options["bsdf_fraction"]
         self._found: list[tuple[Indices, Array]] = []
 
-    def sample(self, at: SurfaceInteraction, uc: Array, u0: Array, u1: Array) -> BSDFSample:
-        """`Materials.sample`; what is guided has the density of both ways to find a direction."""
+    def sample(self, at: SurfaceInteraction, uc: Array, u0: Array, u1: Array) -> tuple[BSDFSample, Array]:
+        """`Materials.sample`, where what is guided has the density of both ways to find a direction; and how many times that
+        of the BSDF alone this is (n,), at least 1."""
         tree, share = self.training.tree, self._share_of_bsdf(at)
         by_bsdf = uc < share
         found = self._materials.sample(at, np.minimum(uc / share, BELOW_ONE), u0, u1)
@@ -58,7 +58,8 @@ class GuidedScattering:
         with np.errstate(divide="ignore", invalid="ignore"):
             by_chance = found.weight * np.where(np.isinf(pdf), 1.0 / share, pdf / mixed)
             weight = np.where(by_bsdf, by_chance, np.where(value > 0.0, value / mixed, 0.0))
-        return BSDFSample(wi, np.where(mixed > 0.0, weight, 0.0), mixed)
+            odds = np.where(np.isfinite(pdf) & (pdf > 0.0), np.maximum(mixed / pdf, 1.0), 1.0)
+        return BSDFSample(wi, np.where(mixed > 0.0, weight, 0.0), mixed), odds
 
     def pdf(self, at: SurfaceInteraction, wi: Array) -> Array:
         """(n,) per solid angle, with which `sample` finds directions (3, n) by a lobe that is no delta, or by the tree."""
@@ -66,17 +67,16 @@ class GuidedScattering:
         _, guide_pdf = cell_and_pdf(tree, leaf_at(tree, at.point), wi)
         return share * self._materials.pdf(at, wi) + (1.0 - share) * guide_pdf * _opacity(at)
 
-    def record(self, lane: Indices, point: Array, wi: Array, pdf: Array, throughput: Array, radiance: Array) -> Records:
-        """What is kept of m scattered directions (3, m) until their paths end; see `Records`."""
+    def record(self, lane: Indices, point: Array, wi: Array, throughput: Array, radiance: Array) -> Records:
+        """What is kept of directions (3, m) in which vertices at points (3, m) scattered paths; see `Records`."""
         tree = self.training.tree
-        return Records(lane, cell_and_pdf(tree, leaf_at(tree, point), wi)[0], pdf, throughput, radiance)
+        return Records(lane, cell_and_pdf(tree, leaf_at(tree, point), wi)[0], throughput, radiance)
 
     def add(self, records: Records, radiance: Array) -> None:
-        """Takes what has been found along the directions, given the radiance (3, n) of whole paths."""
+        """Takes what the vertices have sent on from the directions, given the radiance (3, n) of whole paths."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            incident = (radiance.take(records.lane, axis=1) - records.radiance) / records.throughput
-        found = np.where(records.throughput > 0.0, incident, 0.0).mean(axis=0) / records.pdf
-        self._found.append((records.cell, found))
+            sent_on = (radiance.take(records.lane, axis=1) - records.radiance) / records.throughput
+        self._found.append((records.cell, np.where(records.throughput > 0.0, sent_on, 0.0).mean(axis=0)))
 
     def commit(self, spp: int) -> None:
         """Adds up what has been taken, of a pass that is whole; the film has `spp` samples per pixel now."""
@@ -156,14 +156,12 @@ def cell_and_pdf(tree: SDTree, leaf: Indices, wi: Array) -> tuple[NDArray[np.int
     node, cell, pdf = leaf.astype(np.int64), np.zeros(leaf.size, np.int64), np.full(leaf.size, 1.0 / (4.0 * np.pi))
     inside = np.arange(leaf.size)
     while inside.size:
-        left, low_left, low_right = tree.shares[node[inside]].T
         x[inside], y[inside] = 2.0 * x[inside], 2.0 * y[inside]
         right, high = x[inside] >= 1.0, y[inside] >= 1.0
         x[inside] -= right
         y[inside] -= high
-        low = np.where(right, low_right, low_left)
-        pdf[inside] *= 4.0 * np.where(right, 1.0 - left, left) * np.where(high, 1.0 - low, low)
         cell[inside] = 4 * node[inside] + right + 2 * high
+        pdf[inside] *= tree.densities.reshape(-1)[cell[inside]]
         node[inside] = tree.quarters.reshape(-1)[cell[inside]]
         inside = inside[node[inside] >= 0]
     return cell, pdf

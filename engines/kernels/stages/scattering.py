@@ -141,13 +141,8 @@ def around(features: SceneFeatures) -> Around:
 
 
 @cache
-def _make_scatter(kind: int, features: SceneFeatures, wrapping: Around, uses: Uses) -> Any:
-    """The function (rays, lane, si, draws) -> Scattering of the model `kind`, as far as an integrator uses it."""
-    bsdf, light_through = MODELS[kind].lane(features), features.transmission
-    (masks, tilts, hides, tells_null, guided), crosses = wrapping, bsdf.transmittance is not None
-    evaluate, pdf_of, sample_of, albedos = bsdf.evaluate, bsdf.pdf, bsdf.sample, bsdf.albedos
-    bends, ior = bsdf.ior is not None, bsdf.ior or 0
-    use_value, use_sample, use_specular, use_albedos = uses
+def _make_value(evaluate: Any, pdf_of: Any, masks: bool, tilts: bool) -> Any:
+    """The function (rays, lane, si, parameters, wi) -> (f cos, pdf) of a model, and of what acts around it."""
 
     @inline
     def value_at(rays, lane, si, parameters, wi):
@@ -159,6 +154,25 @@ def _make_scatter(kind: int, features: SceneFeatures, wrapping: Around, uses: Us
         if masks:
             value, pdf = Spectrum(value.color, value.scale * rays.opacity[lane]), pdf * rays.opacity[lane]
         return value, pdf
+
+    return value_at
+
+
+@inline
+def _towards(si, wi, value, pdf):
+    """A direction that no model has sampled, as a sample of weight f cos, the density of which follows (`stages.guiding`)."""
+    zero = const(0.0, si.t)
+    return BSDFSample(wi, value, pdf, dot(si.normal, wi) < zero, value.scale > zero)
+
+
+@cache
+def _make_scatter(kind: int, features: SceneFeatures, wrapping: Around, uses: Uses) -> Any:
+    """The function (rays, lane, si, draws) -> Scattering of the model `kind`, as far as an integrator uses it."""
+    bsdf, light_through = MODELS[kind].lane(features), features.transmission
+    (masks, tilts, hides, tells_null, guided), crosses = wrapping, bsdf.transmittance is not None
+    sample_of, albedos, value_at = bsdf.sample, bsdf.albedos, _make_value(bsdf.evaluate, bsdf.pdf, masks, tilts)
+    bends, ior = bsdf.ior is not None, bsdf.ior or 0
+    use_value, use_sample, use_specular, use_albedos = uses
 
     @inline
     def scatter(rays, lane, si, draws):
@@ -179,13 +193,10 @@ def _make_scatter(kind: int, features: SceneFeatures, wrapping: Around, uses: Us
             if masks:
                 sample = _masked_sample(rays, lane, si, sample)
             if guided:
-                by_tree, towards = rays.guided[lane], rays.guide_wi[lane]
-                seen, density = value_at(rays, lane, si, parameters, towards)
-                below = dot(si.normal, towards) < zero
-                found = BSDFSample(towards, seen, density, below, seen.scale > zero)
-                sample = _select_sample(by_tree, found, sample)
+                found = _towards(si, rays.guide_wi[lane], *value_at(rays, lane, si, parameters, rays.guide_wi[lane]))
+                sample = _select_sample(rays.guided[lane], found, sample)
                 if bends:
-                    eta_scale = select(by_tree, _eta_scale(si, parameters[ior], below), eta_scale)
+                    eta_scale = select(rays.guided[lane], _eta_scale(si, parameters[ior], found.transmitted), eta_scale)
             if tells_null:
                 null = (crosses & sample.transmitted) | (masks & rays.passing[lane])
             if hides:
