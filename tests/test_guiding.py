@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import stats
 
 import engines
 from engines import Settings
@@ -15,6 +16,7 @@ from engines.numpy_reference.guiding import cell_and_pdf, leaf_at, sample_direct
 from engines.scene import Disk, Material, Mesh, Perspective, Scene, Sphere
 from engines.sd_tree import COUNT, HIGH, LOW, Training, planted, refined
 from tests import test_features_agree, test_null_lobes
+from tests.chance import LEVEL
 from tests.test_light_samplers import every_light
 
 RNG = np.random.default_rng(5)
@@ -200,29 +202,30 @@ def test_numba_in_float64_equals_the_reference(name, direct):
     found = prepared("numba", scene, path_tracer(direct=direct, **options), precision="float64", accelerator="bvh")
     wanted, seen = reference.render(9).mean(), found.render(9).mean()
     training = reference._context.guide.training
-    assert training.tree.leaves >= 4 and training.iteration == 4
+    assert training.tree.leaves >= 2 and training.iteration == 4
     assert np.array_equal(training.tree.quarters, found._training.tree.quarters)
     difference = np.abs(seen - wanted).max(axis=2) / wanted.max()
     assert (difference < 1e-8).all(), np.argwhere(difference >= 1e-8)
 
 
+@pytest.mark.parametrize("sampler", ["random", "sobol"])
 @pytest.mark.parametrize("name", scenes())
-def test_the_mean_does_not_depend_on_guiding(name):
-    """By z of every block of 6 x 6 pixels over pairs of independent images, of numba, which equals the reference here."""
+def test_the_mean_does_not_depend_on_guiding(name, sampler):
+    """By t of every block of 6 x 6 pixels, and of the image, over pairs of independent images, of numba, which equals the
+    reference here: by chance a scene fails once in 200,000 times, if means of so many samples are normal."""
     scene, options = scenes()[name]
     plain = {"name": "path_tracer", **{key: value for key, value in options.items() if key != "bsdf_fraction"}}
-    settings, blocks = {"precision": "float64", "accelerator": "bvh", "sampler": "random", "width": 24, "height": 24}, []
-    for seed in range(16):
+    settings, blocks = {"precision": "float64", "accelerator": "bvh", "sampler": sampler, "width": 24, "height": 24}, []
+    for seed in range(24):
         shaders = plain, path_tracer(**options)
         images = [
             prepared("numba", scene, shader, **{**settings, "seed": 2 * seed + k}).render(32).mean()
             for k, shader in enumerate(shaders)
         ]
         blocks.append((images[1] - images[0]).mean(axis=2).reshape(4, 6, 4, 6).mean(axis=(1, 3)))
-    mean, error = np.mean(blocks, axis=0), np.std(blocks, axis=0, ddof=1) / math.sqrt(len(blocks))
-    assert (np.abs(mean) < 6.5 * error).all(), mean / error
-    total = np.mean(blocks, axis=(1, 2))
-    assert abs(total.mean()) < 6.5 * total.std(ddof=1) / math.sqrt(len(blocks))
+    found = np.column_stack([np.reshape(blocks, (len(blocks), -1)), np.mean(blocks, axis=(1, 2))])
+    mean, error = found.mean(axis=0), found.std(axis=0, ddof=1) / math.sqrt(len(found))
+    assert (np.abs(mean) <= stats.t.isf(LEVEL / 2 / len(mean), len(found) - 1) * error).all(), mean
 
 
 @pytest.mark.parametrize("engine", ["numpy", "numba", "embree"])
@@ -249,15 +252,17 @@ def test_the_first_samples_are_those_of_the_plain_path_tracer(engine):
 
 
 def test_where_a_lamp_shines_at_the_ceiling_guided_paths_go_there_and_the_variance_falls():
-    """The variance is a third of that of plain paths in 100 of 100 seeds."""
+    """In twelve seeds the variance is 0.784 +- 0.006 times that of plain paths, and the density 11.7 +- 0.8 times the even
+    one."""
     plain, guided = (
         prepared("numba", box_room(), shader, sampler="random", width=64, height=64)
-        for shader in ("path_tracer", path_tracer())
+        for shader in ("path_tracer", path_tracer(spatial_threshold=4000))
     )
     for renderer in (plain, guided):
-        renderer.render(64)
-    tree, point = guided._training.tree, np.array([[-0.5], [-0.5], [0.001]])
-    towards = np.array([[0.6], [0.6], [2.0]]) - point
-    _, pdf = cell_and_pdf(tree, leaf_at(tree, point), towards / np.sqrt((towards**2).sum()))
-    assert pdf[0] > 5.0 / (4.0 * math.pi)
-    assert np.nanmean(guided.film.variance_of_mean()) < 0.5 * np.nanmean(plain.film.variance_of_mean())
+        renderer.render(128)
+    tree, rng, n = guided._training.tree, np.random.default_rng(1), 500
+    point = np.full((3, n), [[-0.5], [-0.5], [0.001]])
+    towards = np.stack([*rng.uniform(0.3, 0.9, (2, n)), np.full(n, 2.0)]) - point
+    _, pdf = cell_and_pdf(tree, leaf_at(tree, point), towards / np.sqrt((towards**2).sum(axis=0)))
+    assert pdf.mean() > 8.0 / (4.0 * math.pi)
+    assert np.nanmean(guided.film.variance_of_mean()) < 0.85 * np.nanmean(plain.film.variance_of_mean())
