@@ -5,6 +5,7 @@ NumPy engine does.
 import itertools
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,14 +21,13 @@ from tests.chance import LEVEL
 from tests.test_light_samplers import every_light
 
 RNG = np.random.default_rng(5)
-NAMES = "low", "middle", "high"
 
 
 def path_tracer(**options):
     return {"name": "path_tracer", "guiding": "sd_tree", "spatial_threshold": 200, **options}
 
 
-def prepared(engine, scene, shader=None, **settings):
+def prepared(engine, scene, shader=None, **settings) -> Any:
     settings = {"shader": path_tracer() if shader is None else shader, "seed": 5, "threads": 1, **settings}
     return engines.engine(engine).prepare(scene, Settings(**settings))
 
@@ -59,7 +59,7 @@ def box_room():
     materials = (
         Material("wall", kd=(0.6, 0.6, 0.6)),
         Material("lamp", emission=(90.0, 80.0, 70.0)),
-        Material("dark", kd=(0.3,) * 3),
+        Material("dark", kd=(0.3, 0.3, 0.3)),
     )
     view = Perspective((-0.9, -0.9, 1.0), (0.3, 0.3, 0.6), (0.0, 0.0, 1.0), 60.0, "y", (24, 24))
     return Scene("box room", view, materials, shapes, (), "")
