@@ -31,6 +31,10 @@ OMITTED: dict[tuple[str, str], Any] = {
     ("path_tracer", "light_candidates"): 1,
     ("path_tracer", "transparent_shadows"): False,
     ("path_tracer", "hide_emitters"): False,
+    ("path_tracer", "guiding"): "none",
+    ("path_tracer", "bsdf_fraction"): 0.5,
+    ("path_tracer", "spatial_threshold"): 4000,
+    ("path_tracer", "flux_threshold"): 0.01,
 }
 """Options that came after the first published results, with the values at which descriptions leave them out: what those
 results describe keeps its identity."""
@@ -148,6 +152,18 @@ SHADERS: dict[str, dict[str, Option]] = {
         ),
         "hide_emitters": Option(
             False, "whether the camera sees no lights: shapes that emit are absent, environments black", one_of(False, True)
+        ),
+        "guiding": Option(
+            "none", "whether directions are sampled by light that earlier samples have found", one_of("none", "sd_tree")
+        ),
+        "bsdf_fraction": Option(0.5, "of guided directions, the share that the BSDF samples", number(0.01, 1.0)),
+        "spatial_threshold": Option(
+            4000,
+            "directions found at which a place of the guide is halved; times sqrt(2) at each iteration",
+            integer(100, 10**9),
+        ),
+        "flux_threshold": Option(
+            0.01, "share of a place's light at which a solid angle of the guide is divided", number(1e-4, 1.0)
         ),
     },
     "depth_map": {

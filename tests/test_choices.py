@@ -43,6 +43,10 @@ def test_a_mapping_changes_the_options_it_names():
         "light_candidates": 1,
         "transparent_shadows": False,
         "hide_emitters": False,
+        "guiding": "none",
+        "bsdf_fraction": 0.5,
+        "spatial_threshold": 4000,
+        "flux_threshold": 0.01,
     }
 
 

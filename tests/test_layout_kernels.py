@@ -24,10 +24,12 @@ FLOORS: dict[str, set[str]] = {
         *(*COMPILED, "compile.masks", "compile.records", "compile.row_loads", "compile.simd"),
         *("features", "flatten", "integrators", "lane", "layout"),
     },
-    "driver": {*COMPILED, "compile.masks", "lane", "layout"},
+    "guide_records": COMPILED,
+    "driver": {*COMPILED, "compile.masks", "guide_records", "lane", "layout"},
     "queries": {*COMPILED, "compile.vec3", "driver", "layout"},
     "renderer": {
-        *("compile.jit", "compile.second_process", "driver", "features", "flatten", "layout", "queries", "resolve", "stages")
+        *("compile.jit", "compile.second_process", "driver", "features", "flatten", "guide_records", "layout", "queries"),
+        *("resolve", "stages"),
     },
     "resolve": {"flatten", "layout"},
 }
@@ -44,9 +46,12 @@ OUTSIDE: dict[str, set[str]] = {
     "integrators": {"numpy"},
     "flatten": {
         *("engines.scene", "engines.scene.bsdf_tree", "engines.scene.light_bounds", "engines.scene.light_hierarchy"),
-        *("engines.scene.support", "numpy"),
+        *("engines.scene.support", "engines.sd_tree", "numpy"),
     },
-    "stages": {"engines.choices", "engines.scene", "engines.scene.support", "engines.sobol_numbers", "numpy"},
+    "guide_records": {"engines.sd_tree", "numpy"},
+    "stages": {
+        *("engines.choices", "engines.scene", "engines.scene.support", "engines.sd_tree", "engines.sobol_numbers", "numpy")
+    },
     "driver": {"numpy"},
     "queries": {"numpy"},
 }

@@ -39,6 +39,7 @@ SAMPLES = {
     "many_lights": 1024,
     "metals": 1024,
     "mobilert_cornell": 16,
+    "door": 1024,
     "mobilert_cornell2": 2048,
 }
 """Of the others, where it is not 256."""

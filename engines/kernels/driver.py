@@ -20,8 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.kernels.compile.jit import inline, kernel
-from engines.kernels.compile.masks import EVERY_LANE, flagged_lanes, positive_lanes
+from engines.kernels.compile.masks import EVERY_LANE, flagged_lanes, lanes_where, positive_lanes
 from engines.kernels.compile.values import bits_set, call_stage, fetch_add, highest_bit, lowest_bit, select
+from engines.kernels.guide_records import keep_records, learn
 from engines.kernels.lane.vector import Vec3, select3
 from engines.kernels.layout import (
     CAMERA_DIMENSIONS,
@@ -34,9 +35,8 @@ from engines.kernels.layout import (
 )
 
 # places in the array of stage addresses; those of the scene's BSDF models come last
-(DRAW_PIXEL, BEGIN, CLOSEST, SURFACE, DRAW_VERTEX, LIGHT, SHADE, OCCLUDED, MATERIAL, DARK_SURFACE, TRANSMIT, FIRST_BSDF) = (
-    range(12)
-)
+(DRAW_PIXEL, BEGIN, CLOSEST, SURFACE, DRAW_VERTEX, LIGHT, SHADE, OCCLUDED, MATERIAL, DARK_SURFACE, TRANSMIT) = range(11)
+GUIDE, MIX, FIRST_BSDF = range(11, 14)
 # places in the control array that threads share
 STOP, NEXT_TILE, STACK_FULL = range(3)
 
@@ -51,6 +51,9 @@ def tiles(width: int, height: int) -> NDArray[np.int32]:
     """(n, 4) x, y, columns, rows of the tiles that cover an image."""
     places = [(x, y) for y in range(0, height, TILE) for x in range(0, width, TILE)]
     return np.array([(x, y, min(TILE, width - x), min(TILE, height - y)) for x, y in places], np.int32)
+
+
+from_zero = lanes_where(">=", 0)
 
 
 @inline
@@ -138,6 +141,8 @@ class Plan(NamedTuple):
     """See `stages.shade.last_depth`."""
     transparent: bool
     """Shadow rays cross null lobes."""
+    guided: bool
+    """Directions are sampled by an SD-tree as well, and recorded for it."""
 
 
 class Issued(NamedTuple):
@@ -253,7 +258,7 @@ def _cross_null_lobes(rays, stages, shadows, scene, real):
 
 
 @inline
-def _advance(rays, stages, batch, shadows, scene, plan, real):
+def _advance(rays, stages, batch, shadows, scene, plan, records, real):
     """One segment of every path; returns the rays that were traced."""
     traced = bits_set(positive_lanes(rays.t))
     call_stage(stages[CLOSEST], batch, scene)
@@ -265,8 +270,12 @@ def _advance(rays, stages, batch, shadows, scene, plan, real):
             call_stage(stages[MATERIAL], batch, scene)
         if plan.lit:
             call_stage(stages[LIGHT], batch, scene)
+        if plan.guided:
+            call_stage(stages[GUIDE], batch, scene)
         for k in range(plan.bsdfs):
             call_stage(stages[FIRST_BSDF + k], batch, scene)
+        if plan.guided:
+            call_stage(stages[MIX], batch, scene)
     call_stage(stages[SHADE], batch, scene)
     if plan.lit:
         # where no ray is sent, light of sources that touch the surface may be left
@@ -277,6 +286,8 @@ def _advance(rays, stages, batch, shadows, scene, plan, real):
             traced += bits_set(shadow_rays)
             call_stage(stages[OCCLUDED], batch, scene)
         _add_direct_light(rays, real(0), shadow_rays != 0)
+    if plan.guided and scatters:
+        keep_records(rays, from_zero(rays.record_vertex), records)
     return traced
 
 
@@ -326,6 +337,7 @@ def driver(real: Any) -> Any:
         even_sums,
         counts,
         buffer,
+        records,
         totals,
     ):
         rays, stacks = ray_batch(batch, real), waiting_rays(stack, real)
@@ -348,10 +360,12 @@ def driver(real: Any) -> Any:
                     idle |= idle_now
                     if idle == EVERY_LANE:
                         break
-                    traced += _advance(rays, stages, batch, shadows, scene, plan, real)
+                    traced += _advance(rays, stages, batch, shadows, scene, plan, records, real)
                     free, fits = _finish(rays, stacks, capacity, plan, buffer)
                     if not fits:
                         control[STACK_FULL] = 1
+                if plan.guided:
+                    learn(work.samples * work.rows * work.columns, records, buffer)
                 _commit(buffer, work, sums, squares, even_sums, counts, totals)
                 done[tile] = first + work.samples
 

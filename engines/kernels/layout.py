@@ -178,6 +178,19 @@ class RayBatch(LaneRecord):
     crossed = real()  # the way from the last vertex to the ray's origin
     vertex_point, vertex_normal = vector(), vector()  # the last vertex, and its geometric normal
     destination = vector()  # of a shadow ray: the place on the light
+    # where paths are guided (`stages.guiding`)
+    guide_leaf = integer()  # the leaf of the SD-tree where the vertex lies
+    bsdf_share = real()  # with which the BSDF samples the direction, else the tree does
+    guided = flag()  # the tree does
+    guide_wi = vector()  # its sample
+    guide_node = integer()  # in a walk through the tree, below 0 at its end
+    guide_place = vector()  # the vertex, in halves of halves of the box
+    guide_u0, guide_u1 = real(), real()
+    guide_x, guide_y = real(), real()  # a direction as a place in the square, or in a part of it
+    guide_pdf = real()  # with which the tree samples it, per solid angle
+    record_vertex = integer()  # number of the vertex whose direction is recorded, from 0 on; -1 for none
+    record_cell = integer()  # 4 times the tree's node in which it lies, plus the quarter
+    record_throughput = vector()  # behind the vertex, before roulette
 
 
 PATH_NUMBERS = RayBatch.fields["waiting"].first + 1
@@ -236,6 +249,14 @@ class CameraRow(Row):
     lens_right = vector()  # as long as the radius of the aperture
     lens_up = vector()
     focus_distance = real()
+
+
+class GuideRow(Row):
+    """The box of an SD-tree, in tracing coordinates, and the share of guided directions that BSDFs sample."""
+
+    corner = vector()
+    size = vector()
+    bsdf_fraction = real()
 
 
 class MarginRow(Row):
@@ -312,6 +333,14 @@ class SceneTable(Table):
     emission_textures = array(np.int32)  # a material: the texture, -1 for none
     light_primitives = array(np.int32)  # a light: id of the shape that it is, -1 of a mesh and of what is no shape
 
+    # an SD-tree (`engines.sd_tree`), where paths are guided
+    guide = rows(GuideRow)
+    guide_root = scalar()
+    guide_halves = array(np.int32)  # two a node over space
+    guide_quarters = array(np.int32)  # four a node over directions
+    guide_densities = array(REAL)  # four
+    guide_shares = array(REAL)  # three
+
     # set by the renderer
     camera = rows(CameraRow)
     options = array(np.float64)  # eight of the integrator, then the sampler's
@@ -373,6 +402,7 @@ __all__ = [
     "AnalyticRow",
     "CameraRow",
     "EnvironmentRow",
+    "GuideRow",
     "LeafRow",
     "LightRow",
     "LookupRow",

@@ -23,12 +23,15 @@ from engines.kernels.compile import jit
 from engines.kernels.compile.second_process import compile_jobs
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten import FlatScene, flatten
+from engines.kernels.flatten.guide import bind_guide
 from engines.kernels.flatten.light_samplers import bind_light_sampler
+from engines.kernels.guide_records import records_of
 from engines.kernels.layout import LANES, SHADER_OPTIONS, VERTEX_DRAWS, SceneTable, aligned, batch_bytes, stack_bytes
 from engines.kernels.resolve import known
-from engines.kernels.stages import camera, light, material, sampler, scattering, shade, surface, transmit
+from engines.kernels.stages import camera, guiding, light, material, sampler, scattering, shade, surface, transmit
 from engines.scene import Camera, Scene, Shape, ThinLens
 from engines.scene.support import foreign
+from engines.sd_tree import Training
 
 CHUNK = 4
 """Samples per pixel between two commits of a tile."""
@@ -122,6 +125,8 @@ class Renderer:
             self._resize(scene)
         self._scene, self._flat, self._addresses, self._ray_addresses = scene, flat, None, None
         self._flat.bind(SceneTable.margins, surface.margins(self._tracing))
+        self._training = self._untrained()
+        self._bind_guide()
         self._bind_options()
         self._bind_camera()
 
@@ -137,6 +142,22 @@ class Renderer:
         self._flat.bind(SceneTable.seed_key, sampler.seed_key(self.settings.seed))
         self._flat.bind(SceneTable.wanted_draws, shade.wanted_draws(shader, self._flat.features))
         self._bind_points(0, 1)
+
+    def _untrained(self) -> Training | None:
+        """What guides paths, before it has learned anything; None where nothing does."""
+        if not self._flat.features.guided:
+            return None
+        options, boxes = self._wanted.shader.options, [shape.bounds() for shape in self._scene.shapes]
+        finite = [box for box in boxes if box is not None]
+        return Training(finite, options["spatial_threshold"], options["flux_threshold"])
+
+    def _bind_guide(self) -> None:
+        if self._training is not None:
+            fraction = self._wanted.shader.options["bsdf_fraction"] if self._training.guides else 1.0
+            bind_guide(self._flat, self._training.tree, fraction)
+
+    def _guide_totals(self) -> NDArray[np.int64]:
+        return np.zeros((0, 4, 3), np.int64) if self._training is None else self._training.totals
 
     def _bind_camera(self) -> None:
         width, height = self.film.width, self.film.height
@@ -182,6 +203,9 @@ class Renderer:
         def lights() -> Any:
             return light.stage(features, shading.every, resampled, real)
 
+        def guides() -> tuple[Any, Any]:
+            return guiding.stages(features, shading.lit, real)
+
         def shaded_by() -> Any:
             return shade.stage(integrator, shading, features, real)
 
@@ -197,6 +221,7 @@ class Renderer:
                 lambda: sampler.stages(self.settings.sampler, real, lens),
                 lambda: camera.stage(self._scene.camera, real),
                 *([lambda: surface.dark_stage(features, real), lambda: transmit.stage(features, real)] if crosses else []),
+                *([guides] if features.guided else []),
             ]
         )
         closest, occluded = self._accelerator.stages(features, real)
@@ -213,6 +238,7 @@ class Renderer:
             programs is not None,
             shade.last_depth(self.settings.shader, features),
             crosses,
+            features.guided,
         )
         order = [
             draw_pixel,
@@ -225,9 +251,16 @@ class Renderer:
             occluded,
         ]
         walk = [surface.dark_stage(features, real), transmit.stage(features, real)] if crosses else []
-        self._kept = [*order, *([programs] if programs else []), *walk, *bsdfs]  # machine code lives as long as its stage
+        guide = guides() if features.guided else ()
+        self._kept = [
+            *order,
+            *([programs] if programs else []),
+            *walk,
+            *guide,
+            *bsdfs,
+        ]  # machine code lives as long as its stage
         last = [programs.address if programs else 0, *([stage.address for stage in walk] or [0, 0])]
-        last += [stage.address for stage in bsdfs]
+        last += [*([stage.address for stage in guide] or [0, 0]), *(stage.address for stage in bsdfs)]
         return np.array([*(stage.address for stage in order), *last], np.int64)
 
     # ---- rendering ---------------------------------------------------------------------------------------------------
@@ -241,7 +274,9 @@ class Renderer:
             self._bind_points(0, 1)
             film, tile = Film(self.film.width, self.film.height), self._tiles[:1].copy()
             tile[0, 2:] = 1
+            learned = self._guide_totals().copy()
             self._drive(film, tile, np.zeros(1, np.int64), 1)
+            self._guide_totals()[:] = learned
             ray = np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]), np.full(1, np.inf)
             self._trace(*ray)
             self._occluded(*ray)
@@ -267,6 +302,16 @@ class Renderer:
 
     def _render_to(self, target: int) -> None:
         """Brings every tile to `target` samples per pixel (a stopped render may have left some ahead of others)."""
+        training = self._training
+        while training is not None and training.end <= target and not self._control[driver.STOP]:
+            self._render_tiles_to(training.end)
+            if self._done.min() >= training.end:
+                training.advance()
+                self._bind_guide()
+        if not self._control[driver.STOP]:
+            self._render_tiles_to(target)
+
+    def _render_tiles_to(self, target: int) -> None:
         self._bind_points(int(self._done.min()), target)
         self._count(self._drive(self.film, self._tiles, self._done, target))
 
@@ -315,6 +360,7 @@ class Renderer:
         shadows = aligned(self._batch_bytes if plan.transparent else 0)
         totals = np.zeros(2, np.int64)
         buffer = np.empty(3 * CHUNK * driver.TILE**2, self._real)
+        records = records_of(CHUNK * driver.TILE**2 if plan.guided else 0, self._guide_totals(), self._real)
         sums = [array.reshape(-1) for array in (film.sums, film.squares, film.even_sums)]
         driver.driver(self._real)(
             stages,
@@ -334,13 +380,14 @@ class Renderer:
             *sums,
             film.counts.reshape(-1),
             buffer,
+            records,
             totals,
         )
         return totals
 
     def _compile_driver(self) -> None:
         """Compiles or loads the driver, by a call without tiles."""
-        stages, plan = np.zeros(1, np.int64), driver.Plan(False, False, False, 1, 0, False, 0, False)
+        stages, plan = np.zeros(1, np.int64), driver.Plan(False, False, False, 1, 0, False, 0, False, False)
         nothing = self._tiles[:0], self._done[:0], 0
         self._call_driver(stages, plan, self.film, *nothing, self._memory[0], self._stacks[0])
 
@@ -368,6 +415,9 @@ class Renderer:
                 self._bind_camera()
             self._done[:] = 0
             self.film.clear()
+            if self._training is not None:
+                self._training.restart()
+                self._bind_guide()
 
     # ---- rays --------------------------------------------------------------------------------------------------------
 

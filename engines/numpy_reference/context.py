@@ -12,6 +12,7 @@ from engines.choices import Choice
 from engines.numpy_reference.accelerators.nearest import Nearest
 from engines.numpy_reference.accelerators.tracer import Tracer
 from engines.numpy_reference.geometry import Geometry
+from engines.numpy_reference.guiding import GuidedScattering
 from engines.numpy_reference.interaction import SurfaceInteraction, surface_interaction
 from engines.numpy_reference.light_samplers import light_sampler
 from engines.numpy_reference.materials import Materials
@@ -40,6 +41,9 @@ class Context:
         self.materials = Materials(scene.materials, geometry)
         self.lights = Lights(scene.lights, geometry, self.materials)
         self.light_sampler = light_sampler(scene, shader, self.lights.count)
+        guided = shader.plugin is None and shader.options.get("guiding", "none") == "sd_tree"
+        self.guide = GuidedScattering(self.materials, scene, shader) if guided else None
+        """What samples directions in place of the materials alone, where paths are guided."""
         self.lit_through = lit_through(scene)
         """Whether some surface may be lit from behind."""
         self.tracer = tracer

@@ -14,6 +14,7 @@ import numpy as np
 from engines.numpy_reference.bsdf import Lobes
 from engines.numpy_reference.context import MOST_NULL_LOBES, Context
 from engines.numpy_reference.direct_light import resample_light, sample_light
+from engines.numpy_reference.guiding import GuidedScattering, Records, recorded
 from engines.numpy_reference.interaction import SurfaceInteraction
 from engines.numpy_reference.vectors import Array, Indices, Mask, dot
 
@@ -45,6 +46,8 @@ class Paths(NamedTuple):
     """Whether the camera sees along the ray: null lobes alone lie behind it."""
     eta: Array
     """Index of refraction where the ray is, over that where the camera is."""
+    odds: Array
+    """Where paths are guided: how many times more likely their directions were than by BSDFs alone, each at least 1."""
 
     def take(self, lanes: Indices) -> Paths:
         """Some of the paths."""
@@ -67,8 +70,9 @@ def Li(context: Context, origin: Array, direction: Array, pixel: Indices, sample
         np.ones(n, np.int64),
         np.zeros(n),
         np.ones(n, bool),
-        np.ones(n),
+        *np.ones((2, n)),
     )
+    records: list[Records] = []
     for event in range(1, context.options["max_depth"] + MOST_NULL_LOBES):
         context.check()
         # the next surface
@@ -86,9 +90,22 @@ def Li(context: Context, origin: Array, direction: Array, pixel: Indices, sample
         base = _base(event)
         at, uc = context.materials.walk(at, context.draw(paths.pixel, sample, base + LOBE))
         total[:, paths.lane] += _direct(context, paths, at, goes_on & ~absent, sample, base)
-        paths, scattered = _scattered(context, paths, at, absent, hits.t, uc, sample, event)
+        before = paths
+        paths, scattered, kept = _scattered(context, paths, at, absent, hits.t, uc, sample, event)
+        if context.guide is not None:
+            records.append(_record(context.guide, before.take(kept), paths, scattered, total))
         paths = _roulette(context, paths, scattered & (paths.depth > context.options["rr_depth"]), sample, base)
+    if context.guide is not None:
+        for found in records:
+            context.guide.add(found, total)
     return total
+
+
+def _record(guide: GuidedScattering, before: Paths, paths: Paths, scattered: Mask, total: Array) -> Records:
+    """The directions in which paths have just been `scattered` at vertices; `before`: the same paths before that."""
+    kept = np.flatnonzero(scattered & recorded(paths.pdf, before.depth))
+    throughput, paths = before.throughput.take(kept, axis=1), paths.take(kept)
+    return guide.record(paths.lane, paths.vertex, paths.direction, throughput, total.take(paths.lane, axis=1))
 
 
 def _base(event: int) -> int:
@@ -183,7 +200,7 @@ def _direct(context: Context, paths: Paths, at: SurfaceInteraction, asked: Mask,
     weight = np.ones(lanes.size)
     if context.options["direct"] == "mis":
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            ratio = context.materials.pdf(at, light.wi) / (light.pdf / choices)
+            ratio = (context.guide or context.materials).pdf(at, light.wi) / (light.pdf / choices)
             weight = 1.0 / (1.0 + ratio * ratio)
     with np.errstate(invalid="ignore", over="ignore"):
         cosine = np.abs(dot(at.normal, light.wi))
@@ -199,12 +216,15 @@ def _direct(context: Context, paths: Paths, at: SurfaceInteraction, asked: Mask,
 
 def _scattered(
     context: Context, paths: Paths, at: SurfaceInteraction, absent: Mask, distance: Array, uc: Array, sample: int, event: int
-) -> tuple[Paths, Mask]:
-    """The paths that go on, each in a direction that its BSDF has sampled, and whether each has left a vertex. `uc` (n,)
-    chooses lobes; where the surface is `absent` (n,), the ray goes straight on."""
+) -> tuple[Paths, Mask, Indices]:
+    """The paths that go on, each in a direction that has been sampled, whether each has left a vertex, and which of all they
+    are. `uc` (n,) chooses lobes; where the surface is `absent` (n,), the ray goes straight on."""
     base = _base(event)
     u0, u1 = (context.draw(paths.pixel, sample, base + k) for k in (DIRECTION_U0, DIRECTION_U1))
-    found = context.materials.sample(at, uc, u0, u1)
+    if context.guide is None:
+        found, odds = context.materials.sample(at, uc, u0, u1), np.ones(uc.size)
+    else:
+        found, odds = context.guide.sample(at, uc, u0, u1)
     null, wi = absent | context.materials.passes(at, found.wi), np.where(absent, -at.wo, found.wi)
     weight, eta = np.where(absent, 1.0, found.weight), np.where(absent, 1.0, context.materials.eta(at, found.wi))
     vertex = ~null if _crosses_freely(context) else ~absent
@@ -221,19 +241,20 @@ def _scattered(
         crossed=np.where(vertex, 0.0, paths.crossed + distance),
         direct_view=paths.direct_view & null,
         eta=paths.eta * eta,
+        odds=paths.odds * np.where(absent, 1.0, odds),
     )
     goes_on = (weight != 0.0).any(axis=0) & (following.depth <= context.options["max_depth"])
     goes_on &= event + 1 - following.depth < MOST_NULL_LOBES
     kept = np.flatnonzero(goes_on)
-    return following.take(kept), vertex[kept]
+    return following.take(kept), vertex[kept], kept
 
 
 def _roulette(context: Context, paths: Paths, played: Mask, sample: int, base: int) -> Paths:
     """The paths that survive where it is `played`, with the weight of those that do not; and the others. Refraction scales
-    radiance by 1/eta^2, which says nothing about what a path is worth."""
+    radiance by 1/eta^2, which says nothing about what a path is worth; nor does the small weight of a likely direction."""
     if not played.any():
         return paths
-    survival = np.minimum(paths.throughput.max(axis=0, initial=0.0) * paths.eta**2, 0.95)
+    survival = np.minimum(paths.throughput.max(axis=0, initial=0.0) * (paths.eta**2 * paths.odds), 0.95)
     kept = np.flatnonzero(~played | (context.draw(paths.pixel, sample, base + ROULETTE) < survival))
     paths = paths.take(kept)
     return paths._replace(throughput=paths.throughput / np.where(played, survival, 1.0)[kept])

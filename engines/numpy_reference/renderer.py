@@ -83,12 +83,17 @@ class Renderer:
         """Adds `spp` samples to every pixel; `on_pass(film)` after each. `stop` ends it and keeps whole passes only."""
         with self._guard.rendering():
             self._stop.clear()
+            guide = self._context.guide
             for _ in range(spp):
                 try:
                     samples = self._pass(self._film.spp)
                 except Stopped:
+                    if guide is not None:
+                        guide.drop()
                     break
                 self._film.add(samples)
+                if guide is not None:
+                    guide.commit(self._film.spp)
                 if on_pass is not None:
                     on_pass(self._film)
                 if self._stop.is_set():
@@ -115,6 +120,8 @@ class Renderer:
                 self._rays_rendered += rendered
             self._scene, self._film = scene, film
             self._film.clear()
+            if self._context.guide is not None:
+                self._context.guide.restart()
 
     def trace(self, origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike = np.inf) -> Hits:
         """Closest hits in (0, t_max) of rays (n, 3), (n, 3). Rays that are not finite, or zero, miss."""

@@ -56,6 +56,7 @@ def test_materials_without_counterpart_are_declined(material, words):
         ({"shader": {"name": "path_tracer", "direct": "light"}}, "multiple importance"),
         ({"shader": {"name": "path_tracer", "light_sampler": "power"}}, "chooses lights evenly"),
         ({"shader": {"name": "path_tracer", "light_candidates": 4}}, "resamples no light samples"),
+        ({"shader": {"name": "path_tracer", "guiding": "sd_tree"}}, "guides no paths"),
     ],
 )
 def test_settings_without_counterpart_are_declined(settings, words):

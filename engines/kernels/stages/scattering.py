@@ -130,20 +130,47 @@ class Around(NamedTuple):
     """Emitters may hide from the camera."""
     tells_null: bool
     """Samples of null lobes are told from others."""
+    guided: bool
+    """Directions may be sampled by an SD-tree, before the BSDF is asked for its value there."""
 
 
 def around(features: SceneFeatures) -> Around:
     """What acts around the models of a scene."""
     tells_null = features.transparent or (features.hidden_emitters and features.null_lobes)
-    return Around(features.masks, features.tilts, features.hidden_emitters, tells_null)
+    return Around(features.masks, features.tilts, features.hidden_emitters, tells_null, features.guided)
+
+
+@cache
+def _make_value(evaluate: Any, pdf_of: Any, masks: bool, tilts: bool) -> Any:
+    """The function (rays, lane, si, parameters, wi) -> (f cos, pdf) of a model, and of what acts around it."""
+
+    @inline
+    def value_at(rays, lane, si, parameters, wi):
+        value, pdf, zero = evaluate(parameters, si, wi), pdf_of(parameters, si, wi), const(0.0, si.t)
+        if tilts:
+            there, factor = _tilt_at(rays, lane, wi)
+            value = Spectrum(value.color, select(there, value.scale * factor, zero))
+            pdf = select(there, pdf, zero)
+        if masks:
+            value, pdf = Spectrum(value.color, value.scale * rays.opacity[lane]), pdf * rays.opacity[lane]
+        return value, pdf
+
+    return value_at
+
+
+@inline
+def _towards(si, wi, value, pdf):
+    """A direction that no model has sampled, as a sample of weight f cos, the density of which follows (`stages.guiding`)."""
+    zero = const(0.0, si.t)
+    return BSDFSample(wi, value, pdf, dot(si.normal, wi) < zero, value.scale > zero)
 
 
 @cache
 def _make_scatter(kind: int, features: SceneFeatures, wrapping: Around, uses: Uses) -> Any:
     """The function (rays, lane, si, draws) -> Scattering of the model `kind`, as far as an integrator uses it."""
     bsdf, light_through = MODELS[kind].lane(features), features.transmission
-    (masks, tilts, hides, tells_null), crosses = wrapping, bsdf.transmittance is not None
-    evaluate, pdf_of, sample_of, albedos = bsdf.evaluate, bsdf.pdf, bsdf.sample, bsdf.albedos
+    (masks, tilts, hides, tells_null, guided), crosses = wrapping, bsdf.transmittance is not None
+    sample_of, albedos, value_at = bsdf.sample, bsdf.albedos, _make_value(bsdf.evaluate, bsdf.pdf, masks, tilts)
     bends, ior = bsdf.ior is not None, bsdf.ior or 0
     use_value, use_sample, use_specular, use_albedos = uses
 
@@ -155,13 +182,7 @@ def _make_scatter(kind: int, features: SceneFeatures, wrapping: Around, uses: Us
         sample, reflection, transmission = no_sample(zero), no_sample(zero), no_sample(zero)
         null, eta_scale = False, const(1.0, si.t)
         if use_value:
-            value, pdf = evaluate(parameters, si, wi), pdf_of(parameters, si, wi)
-            if tilts:
-                there, factor = _tilt_at(rays, lane, wi)
-                value = Spectrum(value.color, select(there, value.scale * factor, zero))
-                pdf = select(there, pdf, zero)
-            if masks:
-                value, pdf = Spectrum(value.color, value.scale * rays.opacity[lane]), pdf * rays.opacity[lane]
+            value, pdf = value_at(rays, lane, si, parameters, wi)
         if use_sample:
             sample = sample_of(parameters, si, draws.lobe, draws.u0, draws.u1, ALL)
             if bends:
@@ -171,6 +192,11 @@ def _make_scatter(kind: int, features: SceneFeatures, wrapping: Around, uses: Us
                 sample = _tilted_sample(rays, lane, sample)
             if masks:
                 sample = _masked_sample(rays, lane, si, sample)
+            if guided:
+                found = _towards(si, rays.guide_wi[lane], *value_at(rays, lane, si, parameters, rays.guide_wi[lane]))
+                sample = _select_sample(rays.guided[lane], found, sample)
+                if bends:
+                    eta_scale = select(rays.guided[lane], _eta_scale(si, parameters[ior], found.transmitted), eta_scale)
             if tells_null:
                 null = (crosses & sample.transmitted) | (masks & rays.passing[lane])
             if hides:
@@ -253,18 +279,24 @@ def _load_scattering(rays, lane, si, through, eta_scale):
 
 def refracts(features: SceneFeatures) -> bool:
     """Whether some model of the scene bends what it transmits."""
-    return any(MODELS[kind].lane(features.of_bsdfs).ior is not None for kind in features.bsdfs)
+    return features.guided or any(MODELS[kind].lane(features.of_bsdfs).ior is not None for kind in features.bsdfs)
+
+
+def in_stages(features: SceneFeatures) -> bool:
+    """Whether models have stages of their own, before that of the integrator."""
+    return len(features.bsdfs) > 1 or (features.guided and len(features.bsdfs) > 0)
 
 
 def make_scattering(features: SceneFeatures, uses: Uses) -> Any:
     """The function (rays, lane, si, draws) -> Scattering that the shade stage calls."""
-    if len(features.bsdfs) > 1:
+    if in_stages(features):
         return _make_load_scattering(features.transmission, uses.sample and refracts(features))
     kind = features.bsdfs[0] if features.bsdfs else 0
     return _make_scatter(kind, features.of_bsdfs, around(features), uses)
 
 
-def _make(kind: int, features: SceneFeatures, wrapping: Around, bends: bool, uses: Uses, real: Any) -> Any:
+def _make(kind: int, alone: bool, features: SceneFeatures, wrapping: Around, bends: bool, uses: Uses, real: Any) -> Any:
+    """`alone`: the scene has no other model."""
     scatter = _make_scatter(kind, features, wrapping, uses)
     use_value, use_sample, use_specular, use_albedos = uses
     stores_null = wrapping.tells_null or wrapping.hides
@@ -272,11 +304,11 @@ def _make(kind: int, features: SceneFeatures, wrapping: Around, bends: bool, use
     def scattering(batch, scene_address):
         rays, scene, hits = ray_batch(batch, real), scene_table(scene_address, real), np.int64(0)
         for lane in range(np.uint64(LANES)):
-            hits += np.int64(rays.bsdf_model[lane] == kind) & np.int64(rays.alive[lane])
+            hits += np.int64(alone or rays.bsdf_model[lane] == kind) & np.int64(rays.alive[lane])
         if hits == 0:
             return
         for lane in range(np.uint64(LANES)):
-            if rays.bsdf_model[lane] == kind:
+            if alone or rays.bsdf_model[lane] == kind:
                 found = scatter(rays, lane, load_interaction(rays, scene, lane), load_draws(rays, lane))
                 if use_value:
                     rays.value_color[lane] = found.value.color
@@ -311,13 +343,13 @@ def _make(kind: int, features: SceneFeatures, wrapping: Around, bends: bool, use
 
 
 def stages(features: SceneFeatures, uses: Uses, real: Any) -> list[Any]:
-    """One stage for each model of a scene that has several; none where it has one."""
-    if len(features.bsdfs) < 2 or not any(uses):
+    """One stage for each model of a scene that has several, or whose paths are guided; else none."""
+    if not in_stages(features) or not any(uses):
         return []
     concern = features.of_bsdfs, around(features), uses.sample and refracts(features), uses, real
-    return [_stage(kind, *concern) for kind in features.bsdfs]
+    return [_stage(kind, len(features.bsdfs) == 1, *concern) for kind in features.bsdfs]
 
 
 @cache
-def _stage(kind: int, features: SceneFeatures, wrapping: Around, bends: bool, uses: Uses, real: Any) -> Any:
-    return compile_stage(_make(kind, features, wrapping, bends, uses, real))
+def _stage(kind: int, alone: bool, features: SceneFeatures, wrapping: Around, bends: bool, uses: Uses, real: Any) -> Any:
+    return compile_stage(_make(kind, alone, features, wrapping, bends, uses, real))

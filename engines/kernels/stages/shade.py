@@ -62,6 +62,11 @@ def light_candidates(shader: Choice) -> int:
     return 1 if shader.plugin is not None else shader.options.get("light_candidates", 1)
 
 
+def is_guided(shader: Choice) -> bool:
+    """Whether the integrator samples directions by an SD-tree as well."""
+    return shader.plugin is None and shader.options.get("guiding", "none") == "sd_tree"
+
+
 def with_integrator(features: SceneFeatures, shader: Choice) -> SceneFeatures:
     """The features, with those that options of the integrator bring."""
     if shader.plugin is not None or shader.name != "path_tracer":
@@ -70,6 +75,7 @@ def with_integrator(features: SceneFeatures, shader: Choice) -> SceneFeatures:
     return features._replace(
         transparent=shader.options["transparent_shadows"] and features.null_lobes,
         hidden_emitters=shader.options["hide_emitters"] and shines,
+        guided=is_guided(shader),
     )
 
 
@@ -110,6 +116,7 @@ def wanted_draws(shader: Choice, features: SceneFeatures) -> int:
     if shader.name != "path_tracer":
         return light | (0b1000 if features.choices else 0)
     several = features.lobes or features.specular_reflection or features.specular_transmission or features.choices
+    several = several or is_guided(shader)
     lobe = 0b1000 if several else 0
     roulette = 0b1000000 if light_candidates(shader) > 1 or shader.options["rr_depth"] < shader.options["max_depth"] else 0
     return light | lobe | 0b110000 | roulette

@@ -22,6 +22,7 @@ PLAIN_PATHS: Mapping[str, Container[Any]] = {
     "light_candidates": (1,),
     "transparent_shadows": (False,),
     "hide_emitters": (False,),
+    "guiding": ("none",),
 }
 """Of the options of `path_tracer`, those of a path tracer with multiple importance sampling and nothing special."""
 

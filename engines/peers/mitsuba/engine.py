@@ -135,8 +135,8 @@ class Engine:
             return "Mitsuba's path integrator finds direct light by multiple importance sampling only"
         if shader.name == "path_tracer" and shader.options["light_sampler"] != "uniform":
             return "Mitsuba's path integrator chooses lights evenly only"
-        if shader.name == "path_tracer" and shader.options["light_candidates"] != 1:
-            return "Mitsuba's path integrator resamples no light samples: light_candidates must be 1"
+        if shader.name == "path_tracer" and (shader.options["light_candidates"] != 1 or shader.options["guiding"] != "none"):
+            return "Mitsuba's path integrator resamples no light samples and guides no paths: light_candidates 1, guiding none"
         if sampler.name not in ("random", "stratified", *SAMPLERS):
             return f"Mitsuba has no sampler {sampler.name}: known: random, stratified, {', '.join(SAMPLERS)}"
         if self.variant == library.SCALAR:

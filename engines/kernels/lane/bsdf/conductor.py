@@ -87,7 +87,11 @@ def _make(distribution: Distribution, tangents: bool) -> LaneBSDF:
         valid = above & ((which == ALL) | ((which == SPECULAR_REFLECTION) & (not rough)))
         return BSDFSample(world, spectrum, select(rough, density, const(math.inf, one)), False, valid)
 
-    return LaneBSDF(evaluate, pdf, sample, albedos)
+    @inline
+    def only_delta(parameters):
+        return not _roughness(parameters)[0]
+
+    return LaneBSDF(evaluate, pdf, sample, albedos, only_delta=only_delta)
 
 
 def maker(distribution: Distribution) -> Callable[[SceneFeatures], LaneBSDF]:

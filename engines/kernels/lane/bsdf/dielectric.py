@@ -20,6 +20,7 @@ from engines.kernels.lane.bsdf.interface import (
     BSDFSample,
     LaneBSDF,
     Spectrum,
+    always_delta,
     delta,
     no_pdf,
     no_value,
@@ -88,8 +89,8 @@ def _through_thin(parameters, direction, normal):
     return _transmittance(parameters) * (const(1.0, direction.x) - _mirrored_share(direction, normal, parameters[0]))
 
 
-SMOOTH = LaneBSDF(no_value, no_pdf, _sample_smooth, _albedos, ior=0)
-THIN = LaneBSDF(no_value, no_pdf, _sample_thin, _albedos, _through_thin)
+SMOOTH = LaneBSDF(no_value, no_pdf, _sample_smooth, _albedos, ior=0, only_delta=always_delta)
+THIN = LaneBSDF(no_value, no_pdf, _sample_thin, _albedos, _through_thin, only_delta=always_delta)
 
 
 class _Microfacet(NamedTuple):

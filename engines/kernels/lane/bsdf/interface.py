@@ -69,6 +69,8 @@ class LaneBSDF(NamedTuple):
     albedos(parameters, si) -> (diffuse, albedo), as in `Scattering`
     transmittance(parameters, direction, normal) -> Vec3: the mean weight of what goes straight on, of a model with a null lobe
 
+    only_delta(parameters) -> bool: whether all lobes of a material are deltas; None for the model of which no material is so
+
     `ior` is the place of the index of refraction inside among the parameters of a model that refracts, else None.
     """
 
@@ -78,6 +80,7 @@ class LaneBSDF(NamedTuple):
     albedos: Any
     transmittance: Any = None
     ior: int | None = None
+    only_delta: Any = None
 
 
 @inline
@@ -99,6 +102,12 @@ def no_value(parameters, si, wi):
 def no_pdf(parameters, si, wi):
     """The pdf of such a model."""
     return const(0.0, si.t)
+
+
+@inline
+def always_delta(parameters):
+    """`only_delta` of a model that has delta lobes alone."""
+    return True
 
 
 @inline

@@ -127,7 +127,12 @@ def _make(diffuse: bool, reflection: bool, transmission: bool) -> LaneBSDF:
         shown = select3(largest(ks) > zero, ks, shown)
         return kd, select3(largest(kd) > zero, kd, shown)
 
-    return LaneBSDF(evaluate, pdf, sample, albedos, ior=_INTERFACE[0] if transmission else None)
+    @inline
+    def only_delta(parameters):
+        zero = const(0.0, parameters[0])
+        return not (total(Vec3(parameters[0], parameters[1], parameters[2])) > zero) if diffuse else True
+
+    return LaneBSDF(evaluate, pdf, sample, albedos, ior=_INTERFACE[0] if transmission else None, only_delta=only_delta)
 
 
 def _make_sample_any(lobes_of: Any, specular: bool) -> Any:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import const
-from engines.kernels.lane.bsdf.interface import SPECULAR_REFLECTION, LaneBSDF, delta, no_pdf, no_value
+from engines.kernels.lane.bsdf.interface import SPECULAR_REFLECTION, LaneBSDF, always_delta, delta, no_pdf, no_value
 from engines.kernels.lane.vector import Vec3
 
 
@@ -26,4 +26,4 @@ def _transmittance(parameters, direction, normal):
     return Vec3(one, one, one)
 
 
-NULL = LaneBSDF(no_value, no_pdf, _sample, _albedos, _transmittance)
+NULL = LaneBSDF(no_value, no_pdf, _sample, _albedos, _transmittance, only_delta=always_delta)

@@ -1,0 +1,306 @@
+"""Path guiding by an SD-tree (`engines.sd_tree`; docs/transport.md): its sample, its densities, and what of a vertex is
+recorded, for the tree to learn from.
+
+All loops over lanes are vector code.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from engines.kernels.compile.jit import compile_stage, inline
+from engines.kernels.compile.masks import lanes_where
+from engines.kernels.compile.records import lane_numbers
+from engines.kernels.compile.values import const, select
+from engines.kernels.features import SceneFeatures
+from engines.kernels.flatten.materials import MODELS
+from engines.kernels.lane.arctan import arctan2
+from engines.kernels.lane.vector import Vec3, dot, largest, sin_cos_turn
+from engines.kernels.layout import LANES, ray_batch, scene_table
+from engines.sd_tree import MOST_RECORDS
+
+HUGE = 3e38
+_inner = lanes_where(">=", 0)
+"""The word of the lanes whose walk through a tree has not ended."""
+
+
+# ---- walks through the tree, all lanes one level at a time --------------------------------------------------------------
+
+
+@cache
+def _make_clamped(real: Any) -> Any:
+    """The function x -> x in [0, 1), 0 of NaN."""
+    zero, below_one = real(0), real(1.0 - np.finfo(real).epsneg)
+
+    @inline
+    def clamped(x):
+        x = select(x < below_one, x, below_one)
+        return select(x > zero, x, zero)
+
+    return clamped
+
+
+@cache
+def _make_find_leaves(real: Any) -> Any:
+    """The function (rays, scene, box) that finds the leaf in which each lane's point lies; what is outside the box counts as
+    on its surface."""
+    clamped, zero, one, two = _make_clamped(real), real(0), real(1), real(2)
+
+    @inline
+    def find_leaves(rays, scene, box):
+        root = np.int32(scene.guide_root)
+        for lane in range(np.uint64(LANES)):
+            p = rays.point[lane]
+            place = Vec3(
+                (p.x - box.corner.x) / box.size.x, (p.y - box.corner.y) / box.size.y, (p.z - box.corner.z) / box.size.z
+            )
+            rays.guide_place[lane] = Vec3(clamped(place.x), clamped(place.y), clamped(place.z))
+            rays.guide_node[lane] = root
+        while _inner(rays.guide_node) != 0:
+            for lane in range(np.uint64(LANES)):
+                node, place = np.int32(rays.guide_node[lane]), rays.guide_place[lane]
+                doubled = two * place.x
+                upper = doubled >= one
+                half = np.int32(
+                    scene.guide_halves[np.int32(2) * max(node, np.int32(0)) + select(upper, np.int32(1), np.int32(0))]
+                )
+                rays.guide_node[lane] = select(node >= np.int32(0), half, node)
+                rays.guide_place[lane] = Vec3(place.y, place.z, doubled - select(upper, one, zero))
+        for lane in range(np.uint64(LANES)):
+            rays.guide_leaf[lane] = np.int32(-1) - np.int32(rays.guide_node[lane])
+
+    return find_leaves
+
+
+@cache
+def _make_sample(real: Any) -> Any:
+    """The function (rays, scene) that samples a place in the square of directions in the lanes that the tree guides, in
+    proportion to the light in the quadtree of their leaf."""
+    below_one, zero, one, half = real(1.0 - np.finfo(real).epsneg), real(0), real(1), real(0.5)
+
+    @inline
+    def chosen(u, share):
+        """Whether u chooses the second of two, whose first has this share; and the rest of u."""
+        second = u >= share
+        rest = select(second, u - share, u) / select(second, one - share, share)
+        return second, select(rest < below_one, rest, below_one)
+
+    @inline
+    def sample(rays, scene):
+        for lane in range(np.uint64(LANES)):
+            rays.guide_node[lane] = select(rays.guided[lane], np.int32(rays.guide_leaf[lane]), np.int32(-1))
+            rays.guide_u0[lane], rays.guide_u1[lane] = rays.draw[4, lane], rays.draw[5, lane]
+            rays.guide_x[lane], rays.guide_y[lane] = zero, zero
+        edge = one
+        while _inner(rays.guide_node) != 0:
+            edge *= half
+            for lane in range(np.uint64(LANES)):
+                node = np.int32(rays.guide_node[lane])
+                inner, n = node >= np.int32(0), max(node, np.int32(0))
+                left = scene.guide_shares[np.int32(3) * n]
+                right, u0 = chosen(rays.guide_u0[lane], left)
+                low = scene.guide_shares[np.int32(3) * n + select(right, np.int32(2), np.int32(1))]
+                high, u1 = chosen(rays.guide_u1[lane], low)
+                quarter = select(right, np.int32(1), np.int32(0)) + select(high, np.int32(2), np.int32(0))
+                divided = np.int32(scene.guide_quarters[np.int32(4) * n + quarter])
+                last = inner & (divided < np.int32(0))
+                x = rays.guide_x[lane] + select(right, edge, zero) + select(last, u0 * edge, zero)
+                y = rays.guide_y[lane] + select(high, edge, zero) + select(last, u1 * edge, zero)
+                rays.guide_x[lane] = select(inner, x, rays.guide_x[lane])
+                rays.guide_y[lane] = select(inner, y, rays.guide_y[lane])
+                rays.guide_u0[lane], rays.guide_u1[lane] = u0, u1
+                rays.guide_node[lane] = select(inner, divided, np.int32(-1))
+        for lane in range(np.uint64(LANES)):
+            rays.guide_wi[lane] = _direction_of(rays.guide_x[lane], rays.guide_y[lane])
+
+    return sample
+
+
+@cache
+def _make_look_up(real: Any) -> Any:
+    """The function (rays, scene) that finds, for the places (`guide_x`, `guide_y`), the cells in which they lie, as
+    `record_cell`, and the density of the tree's samples per solid angle, as `guide_pdf`. Where `guide_node` is the root of
+    the leaf's quadtree; where that is -1 the density is 0."""
+    zero, one, two, sphere = real(0), real(1), real(2), real(1.0 / (4.0 * math.pi))
+
+    @inline
+    def look_up(rays, scene):
+        for lane in range(np.uint64(LANES)):
+            rays.guide_pdf[lane] = select(np.int32(rays.guide_node[lane]) >= np.int32(0), sphere, zero)
+        while _inner(rays.guide_node) != 0:
+            for lane in range(np.uint64(LANES)):
+                node = np.int32(rays.guide_node[lane])
+                inner, n = node >= np.int32(0), max(node, np.int32(0))
+                x, y = two * rays.guide_x[lane], two * rays.guide_y[lane]
+                right, high = x >= one, y >= one
+                rays.guide_x[lane], rays.guide_y[lane] = x - select(right, one, zero), y - select(high, one, zero)
+                cell = np.int32(4) * n + select(right, np.int32(1), np.int32(0)) + select(high, np.int32(2), np.int32(0))
+                rays.guide_pdf[lane] = rays.guide_pdf[lane] * select(inner, scene.guide_densities[cell], one)
+                rays.record_cell[lane] = select(inner, cell, np.int32(rays.record_cell[lane]))
+                rays.guide_node[lane] = select(inner, np.int32(scene.guide_quarters[cell]), np.int32(-1))
+
+    return look_up
+
+
+@inline
+def _place_of(wi):
+    """(x, y) in the square, of a unit direction. Vector code, as is the way back."""
+    half, zero, one = const(0.5, wi.x), const(0.0, wi.x), const(1.0, wi.x)
+    turn = arctan2(wi.y, wi.x) * const(0.5 / math.pi, wi.x)
+    return half * (wi.z + one), select(turn < zero, turn + one, turn)
+
+
+@inline
+def _direction_of(x, y):
+    zero, one, two = const(0.0, x), const(1.0, x), const(2.0, x)
+    z = two * x - one
+    square = one - z * z
+    radius = np.sqrt(select(square > zero, square, zero))
+    sine, cosine = sin_cos_turn(y)
+    return Vec3(radius * cosine, radius * sine, z)
+
+
+# ---- before the BSDFs: which way a direction is sampled, and the tree's sample ------------------------------------------
+
+
+@cache
+def _make_only_delta(kinds: tuple[int, ...], features: SceneFeatures) -> Any:
+    """The function (kind, parameters) -> whether all lobes of a material of one of these models are deltas."""
+
+    @inline
+    def none(kind, parameters):
+        return False
+
+    if not kinds:
+        return none
+    own, rest = kinds[0], _make_only_delta(kinds[1:], features)
+    is_delta = MODELS[own].lane(features).only_delta or _never
+
+    @inline
+    def only_delta(kind, parameters):
+        return ((kind == own) & is_delta(parameters)) | rest(kind, parameters)
+
+    return only_delta
+
+
+@inline
+def _never(parameters):
+    return False
+
+
+@inline
+def scattering_lanes(rays, max_depth):
+    """The word of the lanes whose path goes on from a surface."""
+    lanes = np.int64(0)
+    for lane in range(np.uint64(LANES)):
+        scatters = rays.alive[lane] & (not rays.miss[lane]) & (np.int64(rays.depth[lane]) < max_depth)
+        lanes |= np.int64(1 if scatters else 0) << np.int64(lane)
+    return lanes
+
+
+def _make_choose(features: SceneFeatures, kinds: tuple[int, ...], masks: bool, hides: bool, real: Any) -> Any:
+    only_delta, several = _make_only_delta(kinds, features), len(kinds) > 1
+    single, one, below_one = kinds[0] if kinds else 0, real(1), real(1.0 - np.finfo(real).epsneg)
+
+    find_leaves, sample = _make_find_leaves(real), _make_sample(real)
+
+    def choose(batch, scene_address):
+        rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
+        box = scene.guide[0]
+        lanes, fraction, some = scattering_lanes(rays, np.int64(scene.options[0])), real(box.bsdf_fraction), np.int64(0)
+        find_leaves(rays, scene, box)
+        for lane in range(np.uint64(LANES)):
+            kind = np.int64(rays.bsdf_model[lane]) if several else np.int64(single)
+            guided = (lanes >> np.int64(lane)) & 1 != 0
+            guided = guided & (fraction < one) & (not only_delta(kind, lane_numbers(rays.bsdf, lane)))
+            if masks:
+                guided = guided & (not rays.passing[lane])
+            if hides:
+                guided = guided & (not rays.absent[lane])
+            share, u = select(guided, fraction, one), rays.draw[3, lane]
+            by_tree, rest = u >= share, u / share
+            rays.bsdf_share[lane] = share
+            rays.guided[lane] = by_tree
+            rays.draw[3, lane] = select(rest < below_one, rest, below_one)
+            some |= np.int64(1 if by_tree else 0)
+        if some != 0:
+            sample(rays, scene)
+
+    return choose
+
+
+# ---- behind the BSDFs: densities of both ways, and the record -----------------------------------------------------------
+
+
+def _make_mix(masks: bool, lit: bool, real: Any) -> Any:
+    zero, one, huge = real(0), real(1), real(HUGE)
+
+    look_up, clamped = _make_look_up(real), _make_clamped(real)
+
+    def mix(batch, scene_address):
+        rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
+        lanes = scattering_lanes(rays, np.int64(scene.options[0]))
+        if lit:
+            for lane in range(np.uint64(LANES)):
+                asked = ((lanes >> np.int64(lane)) & 1 != 0) & (rays.bsdf_share[lane] < one) & (rays.value_scale[lane] > zero)
+                x, y = _place_of(rays.wi[lane])
+                rays.guide_x[lane], rays.guide_y[lane] = clamped(x), clamped(y)
+                rays.guide_node[lane] = select(asked, np.int32(rays.guide_leaf[lane]), np.int32(-1))
+            look_up(rays, scene)
+            for lane in range(np.uint64(LANES)):
+                share, opacity = rays.bsdf_share[lane], rays.opacity[lane] if masks else one
+                by_tree = (one - share) * opacity * rays.guide_pdf[lane]
+                rays.value_pdf[lane] = share * rays.value_pdf[lane] + by_tree
+        for lane in range(np.uint64(LANES)):
+            asked = ((lanes >> np.int64(lane)) & 1 != 0) & rays.sample_valid[lane] & (rays.sample_pdf[lane] <= huge)
+            x, y = _place_of(rays.sample_wi[lane])
+            rays.guide_x[lane], rays.guide_y[lane] = clamped(x), clamped(y)
+            rays.guide_node[lane] = select(asked, np.int32(rays.guide_leaf[lane]), np.int32(-1))
+        look_up(rays, scene)
+        for lane in range(np.uint64(LANES)):
+            share, pdf = rays.bsdf_share[lane], rays.sample_pdf[lane]
+            opacity = rays.opacity[lane] if masks else one
+            specular, mixed = pdf > huge, share * pdf + (one - share) * opacity * rays.guide_pdf[lane]
+            by_bsdf = select(specular, one / share, pdf / mixed)
+            factor = select(rays.guided[lane], one / mixed, by_bsdf)
+            ratio = select(specular, one, select(pdf > zero, mixed / pdf, one))
+            ratio = select(ratio > one, ratio, one)
+            rays.sample_eta_scale[lane] = rays.sample_eta_scale[lane] * ratio
+            scale = rays.sample_scale[lane] * select(mixed > zero, factor, zero)
+            rays.sample_scale[lane] = scale
+            rays.sample_pdf[lane] = select(specular, pdf, mixed)
+            # the record
+            weight, depth = rays.sample_color[lane] * scale, np.int32(rays.depth[lane])
+            side = dot(rays.geometric_normal[lane], rays.sample_wi[lane])
+            leaves = select(rays.sample_transmitted[lane], -side, side) > zero
+            kept = ((lanes >> np.int64(lane)) & 1 != 0) & rays.sample_valid[lane] & leaves & (not specular)
+            kept = kept & (mixed > zero) & (largest(weight) > zero) & (depth <= np.int32(MOST_RECORDS))
+            rays.record_vertex[lane] = select(kept, depth - np.int32(1), np.int32(-1))
+            rays.record_throughput[lane] = rays.throughput[lane]
+
+    return mix
+
+
+# ---- stages ------------------------------------------------------------------------------------------------------------
+
+
+def stages(features: SceneFeatures, lit: bool, real: Any) -> tuple[Any, Any]:
+    """(choose, mix): the stages before and behind those of the BSDFs."""
+    return (
+        _choose_stage(features.of_bsdfs, features.bsdfs, features.masks, features.hidden_emitters, real),
+        _mix_stage(features.masks, lit, real),
+    )
+
+
+@cache
+def _choose_stage(features: SceneFeatures, kinds: tuple[int, ...], masks: bool, hides: bool, real: Any) -> Any:
+    return compile_stage(_make_choose(features, kinds, masks, hides, real))
+
+
+@cache
+def _mix_stage(masks: bool, lit: bool, real: Any) -> Any:
+    return compile_stage(_make_mix(masks, lit, real))
