@@ -1,9 +1,9 @@
 """Which light to sample in each part of space: probabilities of all lights in the cells of a grid (docs/transport.md, "The
 choice of a light").
 
-A grid of such probabilities is pbrt-v3's `spatial` light sampler (Pharr, Jakob and Humphreys 2016), and the idea that of Donikian
-et al. (2006). Here a cell has probabilities of its own for each of six sides, where rays from the lights have met surfaces.
-Any probabilities above 0 give the same mean.
+A grid of such probabilities is pbrt-v3's `spatial` light sampler (Pharr, Jakob and Humphreys 2016), and the idea that of
+Donikian et al. (2006). Here a cell has probabilities of its own for each of six sides, where rays from the lights have met
+surfaces. Any probabilities above 0 give the same mean.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class LightCells(NamedTuple):
 
 
 class _Lights(NamedTuple):
-    """n lights with a box and power: number in the scene, center and radius of the box's sphere; the others of `LightBounds`."""
+    """n lights with a box and power: number in the scene, center and radius of the box's sphere; and of `LightBounds`."""
 
     light: Indices
     center: Array
@@ -116,8 +116,8 @@ def _bounded(bounds: list[LightBounds]) -> _Lights:
 
 
 def _walk(lights: _Lights, closest: Closest, through: bool) -> tuple[Array, Array]:
-    """Points (n, 3) where light arrives and the normals there, towards where it came from: of walks that start at the lights and
-    go on in random directions."""
+    """Points (n, 3) where light arrives and the normals there, towards where it came from: of walks that start at the lights
+    and go on in random directions."""
     random = np.random.Generator(np.random.PCG64(0))
     start = np.arange(WALKS) * lights.light.size // WALKS
     direction = _sphere(WALKS, random)
@@ -196,8 +196,8 @@ def _spread(row: NDArray[np.int32]) -> NDArray[np.int32]:
 
 
 def _steps(bounds: list[LightBounds], sent: Array) -> Indices:
-    """(rows, J) probabilities in `STEPS`: a share goes by power, the rest by what the lights send (rows, J). Lights without a box
-    have one part each, all others together as much."""
+    """(rows, J) probabilities in `STEPS`: a share goes by power, the rest by what the lights send (rows, J). Lights without a
+    box have one part each, all others together as much."""
     power = np.array([0.0 if light.box is None else light.power for light in bounds])
     everywhere = np.array([light.box is None for light in bounds])
     power, total = power / max(power.sum(), 1e-300), sent.sum(axis=1, keepdims=True)

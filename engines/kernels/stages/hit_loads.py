@@ -175,8 +175,8 @@ def _make_load_shapes(features: SceneFeatures, real: Any) -> Any:
 
 @cache
 def _make_choices(features: SceneFeatures, real: Any) -> Any:
-    """The function (rays, lane, scene, light) -> 1 / the probability with which the light that was hit would have been chosen at
-    the last vertex, which is still in the batch; 1 where nobody asks: of camera rays, and after a specular event."""
+    """The function (rays, lane, scene, light) -> 1 / the probability with which the light that was hit would have been chosen
+    at the last vertex, which is still in the batch; 1 where nobody asks: of camera rays, and after a specular event."""
     power, cells, transparent = features.power_lights, features.light_cells, features.transparent
 
     @inline
