@@ -43,8 +43,8 @@ OUTSIDE: dict[str, set[str]] = {
     "lane": {"numpy"},
     "integrators": {"numpy"},
     "flatten": {
-        *("engines.scene", "engines.scene.bsdf_tree", "engines.scene.light_bounds", "engines.scene.light_hierarchy"),
-        *("engines.scene.support", "numpy"),
+        *("engines.scene", "engines.scene.bsdf_tree", "engines.scene.light_bounds", "engines.scene.light_cells"),
+        *("engines.scene.light_hierarchy", "engines.scene.support", "numpy"),
     },
     "stages": {"engines.choices", "engines.scene", "engines.scene.support", "engines.sobol_numbers", "numpy"},
     "driver": {"numpy"},

@@ -9,21 +9,17 @@ surfaces. Any probabilities above 0 give the same mean.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.interface import Hits
 from engines.scene.light_bounds import LightBounds, light_bounds
 from engines.scene.light_hierarchy import lit_through
 from engines.scene.scene import Scene
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-Closest = Callable[[Array, Array], Hits]
-"""Hits of rays, by origins and directions (n, 3)."""
-
 WALKS, BOUNCES = 4096, 4
 MOST_CELLS = 32
 """Along the longest edge of the grid."""
@@ -37,6 +33,20 @@ DEFENSIVE = 0.05
 """Share of the probability that goes by power alone."""
 STEPS = 1 << 24
 """All probabilities are multiples of 1 / STEPS, so that random numbers of 24 bits obey them exactly."""
+
+
+class Hits(Protocol):
+    """Closest hits of n rays: `engines.interface.Hits`."""
+
+    @property
+    def t(self) -> Array: ...
+
+    @property
+    def normal(self) -> Array: ...
+
+
+Closest = Callable[[Array, Array], Hits]
+"""`Renderer.trace`: hits by origins and directions (n, 3)."""
 
 
 class LightCells(NamedTuple):
@@ -127,7 +137,7 @@ def _walk(lights: _Lights, closest: Closest, through: bool) -> tuple[Array, Arra
     points, normals = [], []
     for _ in range(BOUNCES):
         hits = closest(origin, direction)
-        hit = np.flatnonzero(hits.shape >= 0)
+        hit = np.flatnonzero(np.isfinite(hits.t))
         point, normal = origin[hit] + hits.t[hit, None] * direction[hit], hits.normal[hit]
         points.append(point)
         normals.append(normal)

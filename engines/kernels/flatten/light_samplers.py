@@ -8,7 +8,7 @@ from engines.kernels.flatten.scene import FlatScene
 from engines.kernels.layout import SceneTable
 from engines.scene import EnvironmentLight, Scene
 from engines.scene.light_bounds import light_shares
-from engines.scene.light_cells import STEPS, LightCells, unlearned_cells
+from engines.scene.light_cells import SIDES, STEPS, LightCells, unlearned_cells
 from engines.scene.light_hierarchy import LightHierarchy, light_hierarchy, lit_through
 
 NODE_NUMBERS = 88
@@ -69,3 +69,6 @@ def bind_light_cells(flat: FlatScene, cells: LightCells) -> None:
         flat.bind(
             table.light_choices, (STEPS / cells.bins[0, :, 2]).astype(flat.real)
         )  # an environment's are the same in all rows
+
+
+__all__ = ["NODE_NUMBERS", "SIDES", "STEPS", "bind_light_cells", "bind_light_sampler"]

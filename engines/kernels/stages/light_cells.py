@@ -6,8 +6,8 @@ import numpy as np
 
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import const, select
+from engines.kernels.flatten.light_samplers import SIDES, STEPS
 from engines.kernels.layout import LANES
-from engines.scene.light_cells import SIDES, STEPS
 
 NUMBERS, OWN = 4, 2
 """Of a bin; the place of the steps of its own light."""
