@@ -1,8 +1,8 @@
 """Which light to sample in each part of space: probabilities of all lights in the cells of a grid (docs/transport.md, "The
 choice of a light").
 
-A grid of such probabilities is pbrt-v3's `spatial` light sampler (Pharr, Jakob and Humphreys 2016), and the idea that of
-Donikian et al. (2006). Here a cell has probabilities of its own for each of six sides, where rays from the lights have met
+A grid of such probabilities is the light sample strategy `spatial` of pbrt-v3's source code, and the idea that of Donikian
+et al. (2006). Here a cell has probabilities of its own for each of six sides, where rays from the lights have met
 surfaces. Any probabilities above 0 give the same mean.
 """
 
@@ -20,7 +20,7 @@ from engines.scene.scene import Scene
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-WALKS, BOUNCES = 4096, 4
+WALKS, BOUNCES = 2048, 4
 MOST_CELLS = 32
 """Along the longest edge of the grid."""
 MOST_BINS = 1 << 18
@@ -164,7 +164,9 @@ def _grid(lights: _Lights, point: Array, normal: Array, bins: int) -> _Grid:
     size = max(float((high - low).max()), 1e-6) / MOST_CELLS
     while True:
         grid = _Grid(low - 0.37 * size, size, np.floor((high - low) / size + 0.37).astype(np.int64) + 1)
-        if np.unique(grid.parts(point, normal)).size * bins <= MOST_BINS or grid.shape.max() == 1:
+        met = np.zeros(np.prod(grid.shape) * SIDES, np.bool_)
+        met[grid.parts(point, normal)] = True
+        if np.count_nonzero(met) * bins <= MOST_BINS or grid.shape.max() == 1:
             return grid
         size *= 1.19
 
