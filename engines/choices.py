@@ -137,8 +137,8 @@ SHADERS: dict[str, dict[str, Option]] = {
         "direct": Option("mis", "how direct light is found", one_of("light", "bsdf", "mis")),
         "light_sampler": Option(
             "uniform",
-            "how one light is chosen at a vertex: uniformly, by power, or by a light hierarchy",
-            one_of("uniform", "power", "bvh"),
+            "how one light is chosen at a vertex: uniformly, by power, by a light hierarchy, or as learned for cells of space",
+            one_of("uniform", "power", "bvh", "spatial"),
         ),
         "light_candidates": Option(
             1,

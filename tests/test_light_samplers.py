@@ -4,6 +4,7 @@ as the NumPy engine does.
 
 import itertools
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -32,12 +33,14 @@ from engines.scene import (
     Triangle,
 )
 from engines.scene.light_bounds import light_bounds, light_shares
+from engines.scene.light_cells import STEPS as PROBABILITY_STEPS
+from engines.scene.light_cells import alias_tables
 from engines.scene.light_hierarchy import light_hierarchy
 
 RNG = np.random.default_rng(7)
-CHOSEN = ["power", "bvh"]
+CHOSEN = ["power", "bvh", "spatial"]
 """Every value of `light_sampler` but `uniform`."""
-RULES = [("power", 1), ("bvh", 1), ("uniform", 4), ("bvh", 3)]
+RULES = [("power", 1), ("bvh", 1), ("spatial", 1), ("uniform", 4), ("bvh", 3), ("spatial", 2)]
 """Values of `light_sampler` and `light_candidates`."""
 FLOOR, GLASS, LAMP, GLOW, DIM = range(5)
 MATERIALS = (
@@ -99,7 +102,7 @@ def test_numba_in_float64_equals_the_reference_however_lights_are_chosen(name, c
 def test_the_mean_does_not_depend_on_how_lights_are_chosen(name, candidates, direct):
     """By z of every block of 6 x 6 pixels over pairs of independent images, of numba, which equals the reference here."""
     settings, blocks = {"precision": "float64", "accelerator": "bvh", "sampler": "random"}, []
-    for seed in range(12):
+    for seed in range(24):
         rules = (("uniform", 1), (name, candidates))
         shaders = [path_tracer(choice, direct=direct, light_candidates=count) for choice, count in rules]
         images = [
@@ -154,13 +157,16 @@ def vertices(n):
 
 
 def context_of(scene, name):
-    return engines.engine("numpy").prepare(scene, Settings(shader=path_tracer(name)))._context
+    renderer = engines.engine("numpy").prepare(scene, Settings(shader=path_tracer(name), width=1, height=1))
+    renderer.render(1)  # which learns
+    return renderer._context
 
 
 @pytest.mark.parametrize("opaque", [True, False])
 @pytest.mark.parametrize("name", ["uniform", *CHOSEN])
 def test_lights_are_chosen_as_often_as_their_probability_says(name, opaque):
-    """At each point by 4096 numbers in equal steps: the share of each light is its probability, but for a step at each end."""
+    """At each point by 4096 numbers in equal steps: the share of each light is its probability, but for a step at each end of
+    each interval in which the light is chosen: one, or a part of each bin."""
     context, steps = context_of(every_light(opaque), name), 4096
     count, sampler = context.lights.count, context.light_sampler
     for point, normal in zip(*(vectors.T for vectors in vertices(60)), strict=True):
@@ -170,7 +176,8 @@ def test_lights_are_chosen_as_often_as_their_probability_says(name, opaque):
         probability = 1.0 / sampler.choices(every, *(vector[:, :count] for vector in places))
         assert (found.light < count).all() and (found.uc >= 0.0).all() and (found.uc < 1.0).all()
         seen = np.bincount(found.light[found.light >= 0], minlength=count) / steps
-        assert np.abs(seen - probability).max() <= 1.0 / steps
+        intervals = 16 if name == "spatial" else 1
+        assert np.abs(seen - probability).max() <= intervals / steps
         assert probability.sum() + (found.light < 0).mean() == pytest.approx(1.0, abs=count / steps)
         chosen = found.light >= 0
         assert np.allclose(1.0 / found.choices[chosen], probability[found.light[chosen]], rtol=1e-9)
@@ -240,3 +247,52 @@ def test_lights_without_power_are_never_chosen_and_black_scenes_stay_black():
     black = Scene("black", CAMERA, MATERIALS, every_light().shapes[:1], (dark, dark), "")
     for name in CHOSEN:
         assert not render("numpy", black, shader=path_tracer(name), sampler="sobol").any()
+
+
+def test_alias_tables_hold_exactly_the_probabilities_that_they_are_made_of():
+    rng = np.random.default_rng(2)
+    for count in (2, 3, 8, 375):
+        share = rng.random((40, count)) ** 8 * (rng.random((40, count)) > 0.3) + 1e-9 * (np.arange(count) == 0)
+        share /= share.sum(axis=1, keepdims=True)
+        steps = np.floor(share * PROBABILITY_STEPS).astype(np.int64)
+        steps[np.arange(40), share.argmax(axis=1)] += PROBABILITY_STEPS - steps.sum(axis=1)
+        own, other, of_own, of_other = alias_tables(steps).astype(np.int64).transpose(2, 0, 1)
+        row, bins = np.arange(40)[:, None], own.shape[1]
+        assert ((own >= 0) & (own <= PROBABILITY_STEPS // bins)).all()
+        found = own.copy()
+        np.add.at(found, (row, other), PROBABILITY_STEPS // bins - own)
+        wanted = np.pad(steps, ((0, 0), (0, bins - count)))
+        assert np.array_equal(found, wanted) and np.array_equal(of_own, wanted)
+        assert np.array_equal(of_other, wanted[row, other])
+
+
+@pytest.mark.parametrize("engine", ["numba", "embree", "numpy"])
+def test_cells_of_lights_depend_on_the_scene_alone(engine):
+    """The same bits, whatever the threads, wherever calls are split, and after an update."""
+    scene, shader = every_light(), path_tracer("spatial")
+    found = []
+    for threads, calls in ((1, [3]), (2, [1, 2])):
+        renderer = engines.engine(engine).prepare(scene, Settings(shader=shader, seed=5, threads=threads))
+        for spp in calls:
+            renderer.render(spp)
+        found.append(renderer.film.mean())
+    renderer.update(shapes=scene.shapes[:3])
+    renderer.render(1)
+    renderer.update(shapes=scene.shapes)
+    renderer.render(3)
+    found.append(renderer.film.mean())
+    assert all(np.array_equal(image, found[0]) for image in found)
+
+
+def test_a_cell_knows_the_light_beside_it_and_one_side_from_the_other():
+    """Two equal bulbs on either side of a wall: near each of them, the other is hardly chosen."""
+    wall = Mesh(np.array([[0, -9, -9], [0, 9, -9], [0, 9, 9], [0, -9, 9.0]]), np.array([[0, 1, 2], [0, 2, 3]]), FLOOR)
+    bulbs = [Sphere((x, 0.0, 0.0), 0.05, LAMP) for x in (-0.5, 0.5)]
+    opaque = tuple(material for material in MATERIALS if material.name != "glass")
+    lamp = [material.name for material in opaque].index("lamp")
+    bulbs = [replace(bulb, material=lamp) for bulb in bulbs]
+    sampler = context_of(Scene("wall", CAMERA, opaque, (wall, *bulbs), (), ""), "spatial").light_sampler
+    point = np.array([[0.0, 0.1, 0.0]] * 2).T
+    for side, light in ((-1.0, 0), (1.0, 1)):
+        facing = np.array([[side, 0.0, 0.0]] * 2).T
+        assert 1.0 / sampler.choices(np.array([light]), point[:, :1], facing[:, :1]) > 0.9

@@ -243,10 +243,12 @@ def _everything():
 ALL = {"max_depth": 5, "hide_emitters": True, "light_sampler": "bvh"}
 
 
+@pytest.mark.parametrize("light_sampler", ["bvh", "spatial"])
 @pytest.mark.parametrize("direct", ["mis", "light", "bsdf"])
-def test_numba_in_float64_equals_the_reference_behind_null_lobes(direct):
-    reference = render(_everything(), spp=2, direct=direct, **ALL)
-    image = render(_everything(), "numba", "float64", spp=2, direct=direct, **ALL)
+def test_numba_in_float64_equals_the_reference_behind_null_lobes(direct, light_sampler):
+    options = {**ALL, "light_sampler": light_sampler, "direct": direct}
+    reference = render(_everything(), spp=2, **options)
+    image = render(_everything(), "numba", "float64", spp=2, **options)
     assert reference.mean() > 0.05
     assert np.abs(image - reference).max() < 1e-9 * reference.max()
 

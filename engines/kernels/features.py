@@ -43,6 +43,8 @@ class SceneFeatures(NamedTuple):
     power_lights: bool = False
     """The integrator chooses lights by their power; light_hierarchy: by a hierarchy."""
     light_hierarchy: bool = False
+    light_cells: bool = False
+    """It chooses them by the cell of a grid that the point lies in."""
     turned_environment: bool = False
     """The environment's image is rotated."""
     mesh_lights: bool = False

@@ -24,12 +24,13 @@ from engines.kernels.compile.second_process import compile_jobs
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten import FlatScene, flatten
 from engines.kernels.flatten.guide import bind_guide
-from engines.kernels.flatten.light_samplers import bind_light_sampler
+from engines.kernels.flatten.light_samplers import bind_light_cells, bind_light_sampler
 from engines.kernels.guide_records import records_of
 from engines.kernels.layout import LANES, SHADER_OPTIONS, VERTEX_DRAWS, SceneTable, aligned, batch_bytes, stack_bytes
 from engines.kernels.resolve import known
 from engines.kernels.stages import camera, guiding, light, material, sampler, scattering, shade, surface, transmit
 from engines.scene import Camera, Scene, Shape, ThinLens
+from engines.scene.light_cells import light_cells
 from engines.scene.support import foreign
 from engines.sd_tree import Training
 
@@ -117,6 +118,7 @@ class Renderer:
         flat = flatten(scene, self._real, self._tracing)
         bind_light_sampler(flat, scene, shade.light_sampler(self._wanted.shader))
         flat.features = shade.with_integrator(flat.features, self._wanted.shader)
+        self._lights_learned = not flat.features.light_cells
         self._accelerator.build(flat, self._wanted.threads)
         compiled = jit.compile_seconds - compiled
         self._build_seconds = time.perf_counter() - start - compiled
@@ -287,6 +289,7 @@ class Renderer:
         with self._guard.rendering():
             self._control[driver.STOP] = 0
             self._stages()
+            self._learn_lights()
             first = self.film.spp
             step = 1 if on_pass else SAMPLES_A_TABLE
             # not a list: that of an endless render takes tenths of a second to make, and to drop after stop()
@@ -299,6 +302,12 @@ class Renderer:
                 if self._control[driver.STOP]:
                     break
             return self.film
+
+    def _learn_lights(self) -> None:
+        """Traces the rays by which lights are chosen, before the first sample that depends on them."""
+        if not self._lights_learned:
+            bind_light_cells(self._flat, light_cells(self._scene, self.trace))
+            self._lights_learned = True
 
     def _render_to(self, target: int) -> None:
         """Brings every tile to `target` samples per pixel (a stopped render may have left some ahead of others)."""

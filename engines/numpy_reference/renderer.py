@@ -22,12 +22,14 @@ from engines.numpy_reference.camera import camera_rays, clipped
 from engines.numpy_reference.context import Context, Stopped
 from engines.numpy_reference.geometry import Geometry
 from engines.numpy_reference.interaction import barycentric
+from engines.numpy_reference.light_samplers import SpatialLightSampler
 from engines.numpy_reference.lights import LIGHTS
 from engines.numpy_reference.sampler import Sampler
 from engines.numpy_reference.shader import shader_function
 from engines.numpy_reference.shapes import SHAPES
 from engines.numpy_reference.vectors import Array, Indices, norm
 from engines.scene import Camera, Scene, Shape, Texture, ThinLens, Wrapper
+from engines.scene.light_cells import light_cells
 from engines.scene.support import foreign, plugin_without
 
 CHUNK = 32_768
@@ -83,6 +85,7 @@ class Renderer:
         """Adds `spp` samples to every pixel; `on_pass(film)` after each. `stop` ends it and keeps whole passes only."""
         with self._guard.rendering():
             self._stop.clear()
+            self._learn_lights()
             guide = self._context.guide
             for _ in range(spp):
                 try:
@@ -173,6 +176,12 @@ class Renderer:
         context = Context(scene, geometry, tracer, self._wanted.shader, self._sampler)
         context.check = self._check
         self._context, self._build_seconds = context, perf_counter() - begin
+
+    def _learn_lights(self) -> None:
+        """Traces the rays by which lights are chosen, before the first sample that depends on them."""
+        sampler = self._context.light_sampler
+        if isinstance(sampler, SpatialLightSampler) and not sampler.learned:
+            self._context.light_sampler = SpatialLightSampler(light_cells(self._scene, self.trace), True)
 
     def _pass(self, sample: int) -> Array:
         """(pixels, 3): one sample of every pixel."""

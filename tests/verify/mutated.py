@@ -152,6 +152,13 @@ FAULTS = [
         "pick",
     ),
     Fault(
+        "lights of a cell: the other light of a bin with the probability of its own",
+        "light_samplers/cells.py",
+        "STEPS / np.where(own, of_own, of_other)",
+        "STEPS / of_own",
+        "pick",
+    ),
+    Fault(
         "resampled light without the mean of the targets",
         "direct_light.py",
         "(ends[-1, mine] / count / targets[k, mine])",

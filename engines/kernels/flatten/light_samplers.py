@@ -8,6 +8,7 @@ from engines.kernels.flatten.scene import FlatScene
 from engines.kernels.layout import SceneTable
 from engines.scene import EnvironmentLight, Scene
 from engines.scene.light_bounds import light_shares
+from engines.scene.light_cells import SIDES, STEPS, LightCells, unlearned_cells
 from engines.scene.light_hierarchy import LightHierarchy, light_hierarchy, lit_through
 
 NODE_NUMBERS = 88
@@ -24,6 +25,9 @@ def bind_light_sampler(flat: FlatScene, scene: Scene, name: str) -> None:
     flat.bind(SceneTable.environment_light, next(environment, 0))
     if name == "power":
         _bind_power(flat, scene)
+    elif name == "spatial":
+        flat.features = flat.features._replace(light_cells=True)
+        bind_light_cells(flat, unlearned_cells(scene))
     else:
         _bind_hierarchy(flat, light_hierarchy(scene))
 
@@ -52,3 +56,19 @@ def _bind_hierarchy(flat: FlatScene, tree: LightHierarchy) -> None:
     flat.bind(table.light_parts, parts)
     flat.bind(table.light_choices, np.full(tree.place.size, parts, flat.real))
     flat.features = flat.features._replace(light_hierarchy=True)
+
+
+def bind_light_cells(flat: FlatScene, cells: LightCells) -> None:
+    """Adds the tables of cells, in place of those that are there."""
+    table, shape = SceneTable, cells.row.shape[:3]
+    flat.bind(table.light_grid, np.array([*(cells.low - flat.center), 1.0 / cells.size, *shape], flat.real))
+    flat.bind(table.light_rows, cells.row.reshape(-1))
+    flat.bind(table.light_bins, cells.bins.reshape(-1))
+    flat.bind(table.n_light_bins, cells.bins.shape[1])
+    with np.errstate(divide="ignore"):  # lights without power
+        flat.bind(
+            table.light_choices, (STEPS / cells.bins[0, :, 2]).astype(flat.real)
+        )  # an environment's are the same in all rows
+
+
+__all__ = ["NODE_NUMBERS", "SIDES", "STEPS", "bind_light_cells", "bind_light_sampler"]

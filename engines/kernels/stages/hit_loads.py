@@ -26,7 +26,7 @@ from engines.kernels.layout import (
     SphereRow,
     TriangleRow,
 )
-from engines.kernels.stages import light_hierarchy
+from engines.kernels.stages import light_cells, light_hierarchy
 from engines.kernels.stages.prefetching import NEAR_TRIANGLES, make_prefetch
 
 
@@ -173,15 +173,31 @@ def _make_load_shapes(features: SceneFeatures, real: Any) -> Any:
     return load
 
 
-@inline
-def _choices(rays, lane, scene, primitive, light, transparent, real):
-    """1 / the probability with which the light that was hit would have been chosen at the last vertex, which is still in the
-    batch; 1 where nobody asks: of camera rays, and after a specular event."""
-    if primitive < 0 or light < 0 or not rays.pdf[lane] < real(np.inf):
-        return 1.0
-    if transparent:  # null lobes may lie between
-        return light_hierarchy.choices(scene, light, rays.vertex_point[lane], rays.vertex_normal[lane], real)
-    return light_hierarchy.choices(scene, light, rays.point[lane], rays.geometric_normal[lane], real)
+@cache
+def _make_choices(features: SceneFeatures, real: Any) -> Any:
+    """The function (rays, lane, scene, light) -> 1 / the probability with which the light that was hit would have been chosen
+    at the last vertex, which is still in the batch; 1 where nobody asks: of camera rays, and after a specular event."""
+    power, cells, transparent = features.power_lights, features.light_cells, features.transparent
+
+    @inline
+    def choices(rays, lane, scene, light):
+        if power:
+            return scene.light_choices[light if light >= 0 else np.int32(0)]
+        if rays.primitive[lane] < 0 or light < 0 or not rays.pdf[lane] < real(np.inf):
+            return 1.0
+        point, normal = rays.point[lane], rays.geometric_normal[lane]
+        if transparent:  # null lobes may lie between
+            point, normal = rays.vertex_point[lane], rays.vertex_normal[lane]
+        if cells:
+            return light_cells.choices(scene, light, point, normal)
+        return light_hierarchy.choices(scene, light, point, normal, real)
+
+    return choices
+
+
+def chooses_by_weight(features: SceneFeatures) -> bool:
+    """Whether some lights are chosen with other probabilities than others."""
+    return features.power_lights or features.light_hierarchy or features.light_cells
 
 
 def area_lights(features: SceneFeatures) -> tuple[int, ...]:
@@ -223,7 +239,7 @@ def _keep_ids(rays):
 def _make_load_lights(features: SceneFeatures, real: Any) -> Any:
     """The function (rays, scene, hits) that copies what the scene holds of the lights that the lanes in the word have hit."""
     parameters = max((lights.MODELS[kind].parameters for kind in area_lights(features)), default=0)
-    power, hierarchy, transparent = features.power_lights, features.light_hierarchy, features.transparent
+    weighted, choices = chooses_by_weight(features), _make_choices(features, real)
     first, own = LightRow.fields["parameters"].first, lane_number("light_parameters")
     columns = tuple(range(first, first + parameters))
     load_rows = make_load_rows("kept_row", LightRow, columns, tuple(range(own, own + parameters)))
@@ -232,14 +248,10 @@ def _make_load_lights(features: SceneFeatures, real: Any) -> Any:
     def load(rays, scene, hits):
         if parameters == 0 or hits & _not_negative(rays.primitive_light) == 0:
             return
-        if hierarchy or power:
+        if weighted:
             for lane in range(np.uint64(LANES)):
                 keep_scalar()
-                light = rays.primitive_light[lane]
-                if hierarchy:
-                    rays.light_choices[lane] = _choices(rays, lane, scene, rays.primitive[lane], light, transparent, real)
-                else:
-                    rays.light_choices[lane] = scene.light_choices[light if light >= 0 else np.int32(0)]
+                rays.light_choices[lane] = choices(rays, lane, scene, rays.primitive_light[lane])
         for lane in range(np.uint64(LANES)):
             light = rays.primitive_light[lane]
             rays.kept_row[lane] = select(light < 0, np.int32(0), light)

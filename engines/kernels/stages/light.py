@@ -17,7 +17,7 @@ from engines.kernels.integrators.path_tracer import LIGHT_CANDIDATES
 from engines.kernels.lane.lights.sample import Light, LightSample, choose
 from engines.kernels.lane.vector import Vec3, select3, to_real
 from engines.kernels.layout import LANES, LightRow, MaterialRow, PrimitiveRow, ray_batch, scene_table
-from engines.kernels.stages import emission, environment, light_hierarchy, resampling
+from engines.kernels.stages import emission, environment, light_cells, light_hierarchy, resampling
 from engines.kernels.stages.hit_loads import lane_number, load_corners, load_vertices, make_load_rows
 
 COLOR = LightRow.fields["color"].first
@@ -35,6 +35,8 @@ class Selection(NamedTuple):
     """That one in proportion to power."""
     hierarchy: bool
     """That one by the hierarchy."""
+    cells: bool
+    """That one by cells."""
 
 
 @cache
@@ -60,7 +62,7 @@ def _make_sample(kinds: tuple[int, ...]) -> Any:
 @cache
 def _make_choose(selection: Selection) -> Any:
     """The function (rays, lane, scene) -> (index of the lane's light, -1 for none; what is left of the random number)."""
-    every, many, power, hierarchy = selection
+    every, many, power, hierarchy, cells = selection
 
     @inline
     def choose_light(rays, lane, scene):
@@ -71,7 +73,7 @@ def _make_choose(selection: Selection) -> Any:
         elif power:
             chosen, rest = _by_power(scene, n, rest)
             rays.light_choices[lane] = scene.light_choices[chosen]
-        elif hierarchy:
+        elif hierarchy or cells:
             chosen = np.int64(rays.light_kind[lane])
         elif many:
             scaled = rest * n
@@ -93,13 +95,15 @@ def _by_power(scene, n, u):
 @cache
 def _make_load(kinds: tuple[int, ...], selection: Selection, real: Any) -> Any:
     """The function (rays, scene) that chooses each lane's light, of a mesh a face, and copies what the scene holds of it."""
-    load_lights, meshes, hierarchy = _make_load_lights(kinds), MESH in kinds, selection.hierarchy
+    load_lights, meshes, hierarchy, cells = _make_load_lights(kinds), MESH in kinds, selection.hierarchy, selection.cells
     choose_light, choose_all = _make_choose(selection), light_hierarchy.make_choose(real)
 
     @inline
     def load(rays, scene):
         if hierarchy:
             choose_all(rays, scene)
+        if cells:
+            light_cells.choose(rays, scene)
         for lane in range(np.uint64(LANES)):
             chosen, rest = choose_light(rays, lane, scene)
             rays.kept_column[lane] = chosen
@@ -159,7 +163,8 @@ def _load_faces(rays, scene, lanes):
 def _make_sample_one(kinds: tuple[int, ...], selection: Selection, turned: bool, real: Any) -> Any:
     """The function (rays, scene) that stores one light sample per lane."""
     zero, one, infinite = real(0), real(1), real(np.inf)
-    load, every, weighted = _make_load(kinds, selection, real), selection.every, selection.power or selection.hierarchy
+    load, every = _make_load(kinds, selection, real), selection.every
+    weighted = selection.power or selection.hierarchy or selection.cells
     sample_light = _make_sample(tuple(kind for kind in kinds if kind != IMAGE_ENVIRONMENT))
     image_environment = IMAGE_ENVIRONMENT in kinds
 
@@ -308,7 +313,8 @@ def stage(features: SceneFeatures, every: bool, resampled: bool, real: Any) -> A
     """The light stage; `every`: the lane's own light of all, instead of one chosen at random; `resampled`: the sample is one
     of several candidates."""
     many = features.many_lights and not every
-    selection = Selection(every, many, many and features.power_lights, many and features.light_hierarchy)
+    ways = features.power_lights, features.light_hierarchy, features.light_cells
+    selection = Selection(every, many, *(many and way for way in ways))
     color_samples = emission.make_light_samples(features, real) if features.textured_emission else None
     return _stage(features.lights, selection, features.turned_environment, resampled, color_samples, real)
 

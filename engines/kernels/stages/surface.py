@@ -24,7 +24,7 @@ from engines.kernels.lane.vector import Vec3, dot, extent, largest, select3, sin
 from engines.kernels.layout import CAMERA_DIMENSIONS, LANES, MarginRow, ray_batch, scene_table
 from engines.kernels.stages import environment
 from engines.kernels.stages.emission import make_hits
-from engines.kernels.stages.hit_loads import area_lights, make_load_hit
+from engines.kernels.stages.hit_loads import area_lights, chooses_by_weight, make_load_hit
 
 OFFSET_ULPS = 256.0
 """New rays start this many machine epsilons of the largest coordinate away from the surface."""
@@ -44,6 +44,7 @@ _FEATURES = (
     "uvs",
     "power_lights",
     "light_hierarchy",
+    "light_cells",
     "transparent",
     "hidden_emitters",
     "textured_emission",
@@ -208,7 +209,7 @@ def _make_light_pdf(kinds: tuple[int, ...]) -> Any:
 def _make_emission(features: SceneFeatures) -> Any:
     """The function (rays, lane, found, front, miss, choices) -> (what the surface emits towards the viewer, the pdf with which
     the light sample would have found it)."""
-    shining, weighted = area_lights(features), features.power_lights or features.light_hierarchy
+    shining, weighted = area_lights(features), chooses_by_weight(features)
     listed_shapes, light_pdf_of = len(shining) > 0, _make_light_pdf(shining)
     transparent, hides = features.transparent, features.hidden_emitters
 
@@ -235,7 +236,7 @@ def _make(features: SceneFeatures, real: Any) -> Any:
     zero = real(0)
     load, meet = make_load_hit(features, real), _make_meet(features, real)
     several, smooth = features.spheres or features.planes or len(features.analytic) > 0, features.smooth
-    weighted = features.power_lights or features.light_hierarchy
+    weighted = chooses_by_weight(features)
     emission, tangents, hides = features.emission, features.tangents, features.hidden_emitters
     emission_at = _make_emission(features)
     constant_environment = lights.CONSTANT_ENVIRONMENT in features.lights

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from engines.choices import Choice
+from engines.numpy_reference.light_samplers.cells import SpatialLightSampler
 from engines.numpy_reference.light_samplers.hierarchy import HierarchicalLightSampler
 from engines.numpy_reference.light_samplers.plain import ChosenLight, LightSampler, PowerLightSampler, UniformLightSampler
 from engines.scene import Scene
 from engines.scene.light_bounds import light_shares
+from engines.scene.light_cells import unlearned_cells
 from engines.scene.light_hierarchy import light_hierarchy
 
-__all__ = ["ChosenLight", "LightSampler", "light_sampler"]
+__all__ = ["ChosenLight", "LightSampler", "SpatialLightSampler", "light_sampler"]
 
 
 def light_sampler(scene: Scene, shader: Choice, count: int) -> LightSampler:
@@ -17,4 +19,6 @@ def light_sampler(scene: Scene, shader: Choice, count: int) -> LightSampler:
     name = "uniform" if shader.plugin is not None else shader.options.get("light_sampler", "uniform")
     if name == "uniform" or count < 2:
         return UniformLightSampler(count)
+    if name == "spatial":
+        return SpatialLightSampler(unlearned_cells(scene))
     return PowerLightSampler(light_shares(scene)) if name == "power" else HierarchicalLightSampler(light_hierarchy(scene))

@@ -16,8 +16,7 @@ from engines.choices import Option
 from engines.errors import RendererFailed, why_unsupported
 from engines.film import Image
 from engines.interface import Settings
-from engines.peers.adapters.image_renderer import MEANS_ALONE, ImageRenderer
-from engines.peers.adapters.seeds import derive_seed
+from engines.peers.adapters.image_renderer import MEANS_ALONE, ImageRenderer, derive_seed
 from engines.scene import Scene
 
 RenderFunction = Callable[[Scene, Settings, int, int], Any]

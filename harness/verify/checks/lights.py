@@ -108,7 +108,7 @@ def many_lights(subject: Subject) -> Iterator[Measurement]:
     "pick", "However one light of several is chosen, the mean is the sum of their irradiances.", Z, "Shirley et al. 1996"
 )
 def light_choice(subject: Subject) -> Iterator[Measurement]:
-    yield from _unequal_lights(subject, [("power", 1), ("bvh", 1)])
+    yield from _unequal_lights(subject, [("power", 1), ("bvh", 1), ("spatial", 1)])
 
 
 @SECTION.case(
