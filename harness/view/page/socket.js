@@ -94,7 +94,7 @@ export function download(name, bytes, type) {
 }
 
 // A new element with these properties and children.
-export function element(tag, properties, ...children) {
+export function element(tag, properties = {}, ...children) {
   const { role, ariaLabel, ...rest } = properties; // as attributes: Firefox before 119 does not reflect these
   const made = Object.assign(document.createElement(tag), rest);
   if (role) made.setAttribute("role", role);
