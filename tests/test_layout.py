@@ -64,7 +64,7 @@ _BASE = {
     *("engines.film", "engines.interface", "engines.scene"),
 }
 _KERNELS = {"engines.kernels", "engines.kernels.compile"}
-_JITTED = {*_BASE, *_KERNELS, "engines.sd_tree", "engines.sobol_numbers"}
+_JITTED = {*_BASE, *_KERNELS, "engines.light_cells", "engines.sd_tree", "engines.sobol_numbers"}
 
 ALLOWED: dict[str, set[str]] = {
     "engines.errors": set(),
@@ -72,6 +72,7 @@ ALLOWED: dict[str, set[str]] = {
     "engines.input_files": set(),
     "engines.packages": set(),
     "engines.processes": set(),
+    "engines.light_cells": {"engines.scene"},
     "engines.sd_tree": set(),
     "engines.sobol_numbers": set(),
     "engines.source_files": set(),
@@ -91,7 +92,7 @@ ALLOWED: dict[str, set[str]] = {
     "engines.interface": {"engines.errors", "engines.choices", "engines.film", "engines.scene"},
     "engines.registry": {"engines.errors", "engines.imports", "engines.interface"},
     "engines.conformance": _BASE,
-    "engines.numpy_reference": {*_BASE, "engines.sd_tree", "engines.sobol_numbers"},
+    "engines.numpy_reference": {*_BASE, "engines.light_cells", "engines.sd_tree", "engines.sobol_numbers"},
     "engines.kernels": _JITTED,
     "engines.kernels.compile": {"engines.errors", "engines.packages"},
     "engines.plugin": {"engines.errors", *_KERNELS},

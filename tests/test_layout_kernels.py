@@ -45,7 +45,7 @@ OUTSIDE: dict[str, set[str]] = {
     "lane": {"numpy"},
     "integrators": {"numpy"},
     "flatten": {
-        *("engines.scene", "engines.scene.bsdf_tree", "engines.scene.light_bounds", "engines.scene.light_cells"),
+        *("engines.scene", "engines.scene.bsdf_tree", "engines.scene.light_bounds", "engines.light_cells"),
         *("engines.scene.light_hierarchy", "engines.scene.support", "engines.sd_tree", "numpy"),
     },
     "guide_records": {"engines.sd_tree", "numpy"},

@@ -12,6 +12,8 @@ import pytest
 
 import engines
 from engines import Settings
+from engines.light_cells import STEPS as PROBABILITY_STEPS
+from engines.light_cells import alias_tables
 from engines.numpy_reference.direct_light import STEPS, resample_light, sample_light
 from engines.scene import (
     Cylinder,
@@ -33,8 +35,6 @@ from engines.scene import (
     Triangle,
 )
 from engines.scene.light_bounds import light_bounds, light_shares
-from engines.scene.light_cells import STEPS as PROBABILITY_STEPS
-from engines.scene.light_cells import alias_tables
 from engines.scene.light_hierarchy import light_hierarchy
 
 RNG = np.random.default_rng(7)

@@ -309,7 +309,7 @@ class SceneTable(Table):
     light_parents = array(np.int32)  # 8 times the node's parent plus its place there, -1 of the root
     light_places = array(np.int32)  # the same of each light, -1 of those in no node
     unbounded_lights = array(np.int32)
-    # of cells with probabilities of all lights (`engines.scene.light_cells`)
+    # of cells with probabilities of all lights (`engines.light_cells`)
     light_grid = array(REAL)  # corner, 1 / size, number of cells along each axis
     light_rows = array(np.int32)  # six a cell
     light_bins = array(np.int32)  # four numbers each

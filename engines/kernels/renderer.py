@@ -29,8 +29,8 @@ from engines.kernels.guide_records import records_of
 from engines.kernels.layout import LANES, SHADER_OPTIONS, VERTEX_DRAWS, SceneTable, aligned, batch_bytes, stack_bytes
 from engines.kernels.resolve import known
 from engines.kernels.stages import camera, guiding, light, material, sampler, scattering, shade, surface, transmit
+from engines.light_cells import light_cells
 from engines.scene import Camera, Scene, Shape, ThinLens
-from engines.scene.light_cells import light_cells
 from engines.scene.support import foreign
 from engines.sd_tree import Training
 

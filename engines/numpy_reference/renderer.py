@@ -16,6 +16,7 @@ from engines.concurrency import CallGuard
 from engines.errors import Unsupported
 from engines.film import Film
 from engines.interface import Hits, OnPass, Settings
+from engines.light_cells import light_cells
 from engines.numpy_reference.accelerators.tracer import Tracer
 from engines.numpy_reference.bsdf import BSDFS
 from engines.numpy_reference.camera import camera_rays, clipped
@@ -29,7 +30,6 @@ from engines.numpy_reference.shader import shader_function
 from engines.numpy_reference.shapes import SHAPES
 from engines.numpy_reference.vectors import Array, Indices, norm
 from engines.scene import Camera, Scene, Shape, Texture, ThinLens, Wrapper
-from engines.scene.light_cells import light_cells
 from engines.scene.support import foreign, plugin_without
 
 CHUNK = 32_768

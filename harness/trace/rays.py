@@ -35,7 +35,6 @@ from engines.scene import (
     ThinLens,
     Triangle,
 )
-from engines.scene.support import refusal_of
 from harness.config.settings import RAY_KINDS
 from harness.trace.truth import Truth, unit
 
@@ -60,8 +59,8 @@ class Rays(NamedTuple):
 
 def why_not(kind: str, scene: Scene) -> str | None:
     """Why a scene has no such rays, as far as its file, its camera and its lights say it, or None."""
-    if refusal := refusal_of(scene):
-        return refusal
+    if scene.native is not None and scene.native.refusal:
+        return scene.native.refusal
     if not isinstance(scene.camera, Perspective | ThinLens | Orthographic):
         return f"rays start from perspective, thin-lens and orthographic cameras: this is {type(scene.camera).__name__}"
     if kind == "shadow" and not _makers(scene):

@@ -191,8 +191,8 @@ FAULTS = [
     Fault(
         "roulette with another survival",
         "path_tracer.py",
-        "paths.throughput.max(axis=0, initial=0.0) * paths.eta**2, 0.95",
-        "paths.throughput.max(axis=0, initial=0.0) * paths.eta**2, 0.6",
+        "paths.throughput.max(axis=0, initial=0.0) * (paths.eta**2 * paths.odds), 0.95",
+        "paths.throughput.max(axis=0, initial=0.0) * (paths.eta**2 * paths.odds), 0.6",
         "rr2",
     ),
     Fault("refraction without 1/eta^2", "bsdf/mixture.py", "1.0 / (eta * eta)), total", "1.0 + 0.0 * eta), total", "D3"),

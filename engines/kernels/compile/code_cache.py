@@ -28,7 +28,17 @@ from numba.core import caching, serialize
 from engines.kernels.compile.fingerprint import NotFingerprinted, fingerprint
 
 KEPT_DAYS = 30
-COMPILED = ("choices.py", "dahlquist", "embree", "kernels", "numba_cpu", "plugin.py", "sobol_numbers.py")
+COMPILED = (
+    "choices.py",
+    "dahlquist",
+    "embree",
+    "kernels",
+    "light_cells.py",
+    "numba_cpu",
+    "plugin.py",
+    "sd_tree.py",
+    "sobol_numbers.py",
+)
 """Files and folders of `engines` from which kernels take functions and constants. From others they import classes and Python
 functions alone, of which nothing becomes machine code."""
 _FORMAT = b"raybench machine code 1\n"

@@ -6,9 +6,9 @@ import numpy as np
 
 from engines.kernels.flatten.scene import FlatScene
 from engines.kernels.layout import SceneTable
+from engines.light_cells import SIDES, STEPS, LightCells, unlearned_cells
 from engines.scene import EnvironmentLight, Scene
 from engines.scene.light_bounds import light_shares
-from engines.scene.light_cells import SIDES, STEPS, LightCells, unlearned_cells
 from engines.scene.light_hierarchy import LightHierarchy, light_hierarchy, lit_through
 
 NODE_NUMBERS = 88

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from engines.choices import Choice
+from engines.light_cells import unlearned_cells
 from engines.numpy_reference.light_samplers.cells import SpatialLightSampler
 from engines.numpy_reference.light_samplers.hierarchy import HierarchicalLightSampler
 from engines.numpy_reference.light_samplers.plain import ChosenLight, LightSampler, PowerLightSampler, UniformLightSampler
 from engines.scene import Scene
 from engines.scene.light_bounds import light_shares
-from engines.scene.light_cells import unlearned_cells
 from engines.scene.light_hierarchy import light_hierarchy
 
 __all__ = ["ChosenLight", "LightSampler", "SpatialLightSampler", "light_sampler"]

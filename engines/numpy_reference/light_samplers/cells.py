@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from engines.light_cells import STEPS, LightCells
 from engines.numpy_reference.light_samplers.plain import ChosenLight
 from engines.numpy_reference.vectors import Array, Indices
-from engines.scene.light_cells import STEPS, LightCells
 
 
 class SpatialLightSampler:
