@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable
 from typing import Any
 
@@ -10,7 +11,7 @@ from harness.view.coalescing_queue import CoalescingQueue
 from harness.view.messages import coalescing_key, failure_message, packed
 
 
-class Controller:
+class Controller(ABC):
     """Runs a page. `receive` is called on the reading thread and returns at once; `run` handles requests on the main thread,
     each by the method `_on_<type>`, and never returns. A request without such a method is answered with an error."""
 
@@ -25,9 +26,9 @@ class Controller:
     def _key(self, request: Any) -> Hashable:
         return coalescing_key(request.type, getattr(request, "finger", None))
 
+    @abstractmethod
     def start(self) -> None:
         """Sends the menu, and starts threads."""
-        raise NotImplementedError
 
     def run(self) -> None:
         while True:
@@ -41,9 +42,9 @@ class Controller:
         """Waits for a request and handles it, or renders."""
         self._handle(self._work.take())
 
+    @abstractmethod
     def _rest(self) -> None:
         """Tells the page that nothing is rendered any more, after an error."""
-        raise NotImplementedError
 
     def _handle(self, request: Any) -> None:
         self._seq = max(self._seq, request.seq)

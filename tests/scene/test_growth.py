@@ -5,6 +5,7 @@ count grows by equal amounts, and by more and more where something looks through
 """
 
 import json
+import os
 import sys
 
 import pytest
@@ -12,6 +13,7 @@ import pytest
 import engines
 from tests.scene.mitsuba_files import written
 
+MODULES = os.path.dirname(engines.__file__) + os.sep
 STEP = 12
 SHARE = 0.01
 """Of a step's work, by which the next step's may differ: an instruction for each pair of members gives more."""
@@ -25,7 +27,7 @@ def instructions(load):
     def traced(frame, event, argument):
         nonlocal count
         if event == "call":
-            if "engines" not in frame.f_code.co_filename:
+            if not frame.f_code.co_filename.startswith(MODULES):
                 return None
             frame.f_trace_opcodes, frame.f_trace_lines = True, False
         elif event == "opcode":
@@ -157,7 +159,7 @@ def compiled_in_engines(function):
 
     def renamed(code):
         constants = tuple(renamed(each) if hasattr(each, "co_code") else each for each in code.co_consts)
-        return code.replace(co_filename="engines", co_consts=constants)
+        return code.replace(co_filename=f"{MODULES}slow.py", co_consts=constants)
 
     function.__code__ = renamed(function.__code__)
     return function

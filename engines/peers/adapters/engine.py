@@ -78,7 +78,7 @@ class AdapterEngine:
         return None
 
     def accelerators(self) -> Mapping[str, Mapping[str, Option]]:
-        """The renderer's own, whatever it is."""
+        """`auto` alone: the renderer chooses its accelerator."""
         return {"auto": {}}
 
     def shaders(self) -> Mapping[str, Mapping[str, Option]]:

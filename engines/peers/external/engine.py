@@ -68,7 +68,7 @@ class Engine:
         return [path for path in named if path.is_file()]
 
     def accelerators(self) -> Mapping[str, Mapping[str, Option]]:
-        """Its own, whatever it is."""
+        """`auto` alone: the program chooses its accelerator."""
         return {"auto": {}}
 
     def why_not(self, scene: Scene, settings: Settings) -> str | None:

@@ -58,7 +58,7 @@ class FunctionEngine:
         self.function, self.name, self.version = function, name, version
 
     def accelerators(self) -> Mapping[str, Mapping[str, Option]]:
-        """The function's own, whatever it is."""
+        """`auto` alone: the function chooses its accelerator."""
         return {"auto": {}}
 
     def why_not(self, scene: Scene, settings: Settings) -> str | None:
