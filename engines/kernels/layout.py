@@ -190,7 +190,7 @@ class RayBatch(LaneRecord):
     guide_pdf = real()  # with which the tree samples it, per solid angle
     record_vertex = integer()  # number of the vertex whose direction is recorded, from 0 on; -1 for none
     record_cell = integer()  # 4 times the tree's node in which it lies, plus the quarter
-    record_throughput = vector()  # behind the vertex, before roulette
+    record_throughput = vector()  # of the path, before the vertex
 
 
 PATH_NUMBERS = RayBatch.fields["waiting"].first + 1

@@ -88,11 +88,11 @@ class Renderer:
             self._learn_lights()
             guide = self._context.guide
             for _ in range(spp):
+                if guide is not None:
+                    guide.drop()  # what a pass that did not end has left
                 try:
                     samples = self._pass(self._film.spp)
                 except Stopped:
-                    if guide is not None:
-                        guide.drop()
                     break
                 self._film.add(samples)
                 if guide is not None:

@@ -22,22 +22,22 @@ def check_file(output: Path, suffixes: Collection[str]) -> str:
     return suffix
 
 
-def check_folder(output: Path) -> None:
-    """Raises `ConfigError` where a folder that `-o` names is a file, or cannot be made or written to."""
+def check_folder(output: Path, option: str = "-o") -> None:
+    """Raises `ConfigError` where a folder that an option names is a file, or cannot be made or written to."""
     if output.is_dir():
-        _check_writable(output, output)
+        _check_writable(output, output, option)
     elif output.exists():
-        raise ConfigError(f"-o {output}: is a file; a folder is expected")
+        raise ConfigError(f"{option} {output}: is a file; a folder is expected")
     else:
-        _check_place(output)
+        _check_place(output, option)
 
 
-def _check_place(output: Path) -> None:
+def _check_place(output: Path, option: str = "-o") -> None:
     if not output.absolute().parent.is_dir():
-        raise ConfigError(f"-o {output}: the folder {output.parent} does not exist")
-    _check_writable(output, output.parent)
+        raise ConfigError(f"{option} {output}: the folder {output.parent} does not exist")
+    _check_writable(output, output.parent, option)
 
 
-def _check_writable(output: Path, folder: Path) -> None:
+def _check_writable(output: Path, folder: Path, option: str) -> None:
     if not os.access(folder.absolute(), os.W_OK):
-        raise ConfigError(f"-o {output}: the folder {folder} cannot be written to")
+        raise ConfigError(f"{option} {output}: the folder {folder} cannot be written to")

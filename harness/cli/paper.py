@@ -37,7 +37,7 @@ def figure(
     ] = None,
 ) -> None:
     """Draw a figure for a paper: the reference with crops, each contestant's crops with their errors, and error over time."""
-    from harness.cli.outputs import check_file
+    from harness.cli.outputs import check_file, check_folder
     from harness.cli.results import require_results
     from harness.console import consoles
     from harness.report import comparison_figure as made
@@ -45,6 +45,8 @@ def figure(
     from harness.store.results import load_results
 
     suffix = check_file(output, (".pdf", ".png", ".svg"))
+    if exr is not None:
+        check_folder(exr, "--exr")
     require_results(folder)
     results = load_results(folder)
     taken = made.taken_images(results, scene, made.moment_of(at), contestants or [])
@@ -58,5 +60,5 @@ def figure(
     console = consoles()[0]
     console.print(f"Figure: {output}", soft_wrap=True)
     if exr is not None:
-        exr.mkdir(parents=True, exist_ok=True)
+        exr.mkdir(exist_ok=True)
         console.print(f"{len(made.write_crops(exr, taken, reference, parts))} crops in {exr}", soft_wrap=True)

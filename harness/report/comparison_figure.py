@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from engines import tonemap
 from engines.errors import ConfigError
 from engines.image import write_image
+from engines.packages import install_extra
 from harness.metrics import Reference, as_error, measure, metric_title
 from harness.report.plots.chart import FAINT, INK
 from harness.report.plots.curves import error_label
@@ -220,6 +221,8 @@ def _error(results: Results, image: Image, reference: Reference, crop: Crop | No
         parts = (crop.of(getattr(reference, name)) for name in ("mean", "half_1", "half_2", "variance"))
         image, reference = crop.of(image), Reference(*parts, spp=reference.spp)
     scores = measure(image, reference, results.epsilon)
+    if results.metric not in scores:
+        raise ConfigError(f"{results.metric} cannot be measured here: {install_extra(results.metric)}")
     return as_error(results.metric, scores.get(f"{results.metric}_corrected", scores[results.metric]))
 
 
