@@ -36,6 +36,8 @@ CELL = [
     *IDENTITY,
     Column("block", "Which repeat of the whole experiment it belongs to.", "count"),
     Column("seed", "Seed of the sampler.", "count"),
+    Column("state", "done, failed, timeout or skipped."),
+    Column("order", "Position of the cell in the run.", "count"),
 ]
 
 
@@ -55,8 +57,6 @@ def points(results: Results) -> Table:
     before = [
         CONTESTANT,
         *CELL,
-        Column("state", "done, or timeout where the cell was cut short."),
-        Column("order", "Position of the cell in the run.", "count"),
         Column("spp", "Samples per pixel so far.", "count"),
         Column("seconds", "Seconds inside render calls so far (warm).", "number"),
         Column("cold_seconds", "The same with import, load, build and compilation.", "number"),
@@ -97,8 +97,6 @@ def cells(results: Results) -> Table:
     columns = [
         CONTESTANT,
         *CELL,
-        Column("state", "done, failed, timeout or skipped."),
-        Column("order", "Position of the cell in the run.", "count"),
         *(Column(name, meaning, kind) for name, (meaning, kind) in OF_THE_CELL.items()),
         *(Column(f"{phase}_seconds", f"Seconds of the phase {phase}.", "number") for phase in PHASES),
         Column("fixed_seconds", "Seconds of import, load, build and compilation together.", "number"),
@@ -148,15 +146,15 @@ def _contestants(results: Results) -> dict[str, str]:
 
 
 def of_cell(cell: Cell) -> Mapping[str, Any]:
-    """A cell's values of the columns `CELL`, its state and its order."""
+    """A cell's values of the columns `CELL`."""
     settings = cell.settings
     texts = {axis: str(getattr(settings, axis)) for axis in CHOICES}
     plain = {column.name: getattr(cell, column.name) for column in CELL if column.name not in texts}
-    return {**plain, **texts, "label": settings.label, "state": cell.state, "order": cell.order}
+    return {**plain, **texts, "label": settings.label}
 
 
 def _kind_of(annotation: Any) -> str:
-    """The kind of a column of values of a type, or None."""
+    """The kind of a column whose values are of a type; some may be None."""
     kinds = {bool: "flag", int: "count", float: "number"}
     types = [getattr(kind, "__origin__", kind) for kind in (annotation, *get_args(annotation))]
     return next((kinds[kind] for kind in types if kind in kinds), "text")
