@@ -118,7 +118,6 @@ class Renderer:
         flat = flatten(scene, self._real, self._tracing)
         bind_light_sampler(flat, scene, shade.light_sampler(self._wanted.shader))
         flat.features = shade.with_integrator(flat.features, self._wanted.shader)
-        self._lights_learned = not flat.features.light_cells
         self._accelerator.build(flat, self._wanted.threads)
         compiled = jit.compile_seconds - compiled
         self._build_seconds = time.perf_counter() - start - compiled
@@ -126,6 +125,7 @@ class Renderer:
         if self._wanted.size(scene) != (self.film.width, self.film.height):
             self._resize(scene)
         self._scene, self._flat, self._addresses, self._ray_addresses = scene, flat, None, None
+        self._lights_learned = not flat.features.light_cells
         self._flat.bind(SceneTable.margins, surface.margins(self._tracing))
         self._training = self._untrained()
         self._bind_guide()
