@@ -226,6 +226,7 @@ def _configured(experiment: Experiment, combination: Combination, known: _Known)
         "max_spp": budget.max_spp,
         "checkpoints": experiment.checkpoints.describe(),
         **({"patterns": [asdict(each) for each in patterns]} if patterns else {}),
+        **({"stop_at_error": budget.stop_at_error} if budget.stop_at_error is not None else {}),
     }
     cell = _cell(
         combination,
