@@ -39,6 +39,7 @@ from harness.cli.options import (
     shipped,
     words,
 )
+from harness.cli.race import race
 
 app = typer.Typer(
     name="raybench",
@@ -135,6 +136,7 @@ def reference(
     raise typer.Exit(experiments.reference(config, out, overrides or [], (allow_imports, allow_commands, allow_outside)))
 
 
+command(EXPERIMENTS)(race)
 command(IMAGES)(images.render)
 command(IMAGES)(images.dahlquist)
 

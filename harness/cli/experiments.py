@@ -16,7 +16,7 @@ from rich.table import Column, Table
 from engines.errors import ConfigError
 from harness import config, store
 from harness.analysis.certificates import certificate_text, refutes
-from harness.cli.results import require_results, write_derived
+from harness.cli.results import analysed, require_results, write_derived
 from harness.config import ConfigFile, Experiment
 from harness.console import consoles
 from harness.measure.pool import Pool, WorkerFailed
@@ -30,6 +30,8 @@ from harness.store import reference_files
 from harness.store.records import BROKEN, Start
 
 Summary = Callable[[Console, Outcome, Path], None]
+Answer = Callable[[Console, Any], None]
+"""Prints what an `Analysis` says."""
 Allowed = tuple[bool, bool, bool]
 """Whether imports, commands and files outside of a scene's folder are allowed."""
 
@@ -46,9 +48,12 @@ def run(
     fresh: bool,
     options: Options,
     summary: Summary | None = None,
+    terminal: Callable[[Console, Plan], progress.Terminal] = progress.Terminal,
+    answer: Answer | None = None,
 ) -> int:
-    """Measures and reports; 0, 1 where a cell failed or timed out, 130 where it was interrupted. `summary` says what came out,
-    by default `print_summary`."""
+    """Measures and reports; 0, 1 where a cell failed or timed out, 130 where it was interrupted. `terminal` shows progress,
+    `answer` says what was found before tables, plots and report are written, `summary` what came out, by default
+    `print_summary`."""
     stdout, stderr = consoles()
     experiment = config.load(given, overrides)
     folder = results_folder(experiment, out)
@@ -60,15 +65,22 @@ def run(
             _refuse_merged(folder)
             plan = planner.make(experiment, options.allow_imports, options.allow_commands, options.allow_outside)
             _warn(plan, stderr)
-            with progress.Terminal(stderr) as terminal:
-                outcome = sweep.run(plan, folder, options, terminal)
+            with terminal(stderr, plan) as listener:
+                outcome = sweep.run(plan, folder, options, listener)
+            found = analysed(folder) if answer else None
+            if answer and found:
+                answer(stdout, found)
             if not store.derived_is_fresh(folder):
                 stderr.print(f"{outcome.measured} cells measured; writing tables, plots and report ...")
-                write_derived(folder)
+                write_derived(folder, analysis=found)
     except KeyboardInterrupt:
         stderr.print(f"\nInterrupted. What was measured is in {folder}; the same command goes on from there.")
         return 130
-    (summary or print_summary)(stdout, outcome, folder)
+    if answer:
+        print_failures(stdout, outcome, folder)
+        stdout.print(f"Report: {folder / 'report.html'}", soft_wrap=True)
+    else:
+        (summary or print_summary)(stdout, outcome, folder)
     return 1 if outcome.failures or outcome.failed_verify_jobs else 0
 
 

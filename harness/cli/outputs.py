@@ -9,16 +9,16 @@ from pathlib import Path
 from engines.errors import ConfigError
 
 
-def check_file(output: Path, suffixes: Collection[str]) -> str:
-    """The suffix of a file that `-o` names, in lower case. Raises `ConfigError` where it is none of `suffixes` (written in
+def check_file(output: Path, suffixes: Collection[str], option: str = "-o") -> str:
+    """The suffix of a file that an option names, in lower case. Raises `ConfigError` where it is none of `suffixes` (written in
     lower case), or the file cannot be written."""
     suffix = output.suffix.lower()
     if suffix not in suffixes:
         *others, last = suffixes
-        raise ConfigError(f"-o {output}: must end in {', '.join(others)}{' or ' if others else ''}{last}")
+        raise ConfigError(f"{option} {output}: must end in {', '.join(others)}{' or ' if others else ''}{last}")
     if output.is_dir():
-        raise ConfigError(f"-o {output}: is a folder; a file is expected")
-    _check_place(output)
+        raise ConfigError(f"{option} {output}: is a folder; a file is expected")
+    _check_place(output, option)
     return suffix
 
 
@@ -32,7 +32,7 @@ def check_folder(output: Path, option: str = "-o") -> None:
         _check_place(output, option)
 
 
-def _check_place(output: Path, option: str = "-o") -> None:
+def _check_place(output: Path, option: str) -> None:
     if not output.absolute().parent.is_dir():
         raise ConfigError(f"{option} {output}: the folder {output.parent} does not exist")
     _check_writable(output, output.parent, option)

@@ -19,6 +19,7 @@ from harness.processes import allow_here
 from harness.store import atomic
 
 if TYPE_CHECKING:
+    from harness.analysis import Analysis
     from harness.report.plugins import Plugin
 
 NO_CHANGE = ("same", "unresolved", "identical", "equivalent")
@@ -30,11 +31,19 @@ def require_results(folder: Path) -> None:
         raise ConfigError(f"{folder}: no {store.EVENTS} is there: a folder written by `raybench run` is expected")
 
 
-def write_derived(folder: Path, plugins: Sequence[Plugin] = ()) -> None:
-    """Writes tables, plots and report of a results folder."""
+def analysed(folder: Path) -> Analysis:
+    """What a results folder says."""
+    from harness.analysis import analyse
+    from harness.store.results import load_results
+
+    return analyse(load_results(folder))
+
+
+def write_derived(folder: Path, plugins: Sequence[Plugin] = (), analysis: Analysis | None = None) -> None:
+    """Writes tables, plots and report of a results folder, from its analysis where that is known."""
     from harness.report import write_derived as write
 
-    write(folder, plugins)
+    write(folder, plugins, analysis)
 
 
 def _plugins(own: Sequence[tuple[str, str]], allow_imports: bool) -> list[Plugin]:
@@ -116,11 +125,10 @@ def archive(folder: Path, out: Path, images: int) -> None:
 
 def calibrate(folder: Path) -> int:
     """Prints the figures of a calibration; 1 where one is not what it must be, else 0, also where a run is too small."""
-    from harness.analysis import analyse, calibration
-    from harness.store.results import load_results
+    from harness.analysis import calibration
 
     require_results(folder)
-    calibrated = calibration.calibrate(analyse(load_results(folder)))
+    calibrated = calibration.calibrate(analysed(folder))
     console = consoles()[0]
     console.print(calibration.rests_on(calibrated), markup=False, soft_wrap=True)
     table = Table("figure", "value", "must be", "", box=None, header_style="bold")

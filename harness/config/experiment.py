@@ -24,6 +24,7 @@ from harness.config.filters import CONTESTANTS, Filter
 from harness.config.keys import by_field, key, keys_of, written
 from harness.config.kinds import LINE, RECORDED, SEED, ListOf, OrNull, integer, number, one_of, version
 from harness.config.sections import (
+    MOST_REPLICATES,
     Checkpoints,
     EquivalenceConfig,
     Limits,
@@ -192,7 +193,7 @@ def _seeds_differ(root: Located, found: Experiment) -> None:
     if not found.renders:
         return
     seed, repeats, reference = found.seed, found.repeats, found.reference
-    used = reference.replicates[1]
+    used = MOST_REPLICATES if reference.spp is None else reference.replicates[1]
     if seed < reference.seed + used and reference.seed < seed + repeats:
         raise root.origin.error(
             f"{root.at(('reference', 'seed')).where}: seeds {reference.seed} and up are the reference's, "

@@ -23,7 +23,9 @@ from harness.statistics.equivalence import DEFAULT_MARGINS, Margins
 from harness.suites import suite
 
 AUTOMATIC = "auto"
-"""The certifier that `plan.certifiers` takes."""
+"""The certifier that `plan.certifiers` takes, and as many samples of a reference as its targets need."""
+REFERENCE_ENGINE = "numba"
+"""The engine of references where a config names none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,12 +115,39 @@ class _Certifier:
         return {"anyOf": [{"const": AUTOMATIC}, *OrNull(ENGINE).schema()["anyOf"]]}
 
 
+REPLICATE_SPP, FEWEST_REPLICATES, MOST_REPLICATES = 32, 8, 4096
+"""Of a reference that has as many samples as the targets need: samples per pixel of each of its images, and their number."""
+_SPP = integer(2, 2**31)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReferenceConfig:
-    """How the reference is made: the mean of independent images."""
+    """How the reference is made: the mean of independent images.
 
-    engine: str = key(ENGINE, "Engine that renders it.", "embree")
-    spp: int = key(integer(2, 2**31), "Samples per pixel in all.", 8192)
+    `engine` None is the engine numba, or the experiment's only engine where numba declines; `spp` None stands for `auto`.
+    """
+
+    engine: str | None = key(
+        OrNull(ENGINE),
+        "Engine that renders it; by default numba, or the experiment's only engine where numba cannot render the scene.",
+        None,
+    )
+    spp: int | None = key(
+        Kind(
+            lambda node: None if node.value == AUTOMATIC else _SPP.read(node),
+            {"anyOf": [{"const": AUTOMATIC}, _SPP.schema()]},
+            lambda spp: AUTOMATIC if spp is None else spp,
+        ),
+        "Samples per pixel in all. auto: until the standard error of the reference is a tenth of the smallest target, or "
+        "max_time has passed; 256 at least; 8192 where the metric is neither relmse nor mse, or targets are auto.",
+        AUTOMATIC,
+    )
+    max_time_seconds: float | None = key(
+        OrNull(DURATION),
+        "Time inside render calls after which spp: auto adds no image; by default that of all cells that the reference serves.",
+        None,
+        name="max_time",
+    )
     seed: int = key(SEED, "Seed of the first of its images; no cell may have one of its seeds.", 9000)
     sampler: Choice = key(SAMPLER, "Sampler, as for cells.", "sobol")
     accelerator: Choice = key(ACCELERATOR, "Accelerator, as for cells.", "auto")
@@ -142,8 +171,10 @@ class ReferenceConfig:
         """(samples per pixel, number) of the independent images it is the mean of.
 
         Powers of two suit Sobol points; 256 is the same for every large `spp`, so that one can be extended. The number
-        is even: they go to the two halves in turn.
+        is even: they go to the two halves in turn. Of `auto` the number is the smallest.
         """
+        if self.spp is None:
+            return REPLICATE_SPP, FEWEST_REPLICATES
         each = 2 ** int(math.log2(min(256, max(1, self.spp // 8))))
         count = -(-self.spp // each)
         return each, count + count % 2
@@ -154,8 +185,10 @@ def _reference(found: ReferenceConfig, given: Given, context: Any) -> ReferenceC
     for name in ("engine", "certify"):
         if given[name] and (is_file(given[name]) or split(given[name])[1]):
             raise given.at(name).refuse("a renderer by process, or with a Python of its own, is raced, but makes no reference")
-    if found.certify == found.engine:
-        raise given.at("certify").refuse(f"another engine than the reference's, {found.engine}, is expected")
+    if found.certify == (found.engine or REFERENCE_ENGINE):
+        raise given.at("certify").refuse(
+            f"another engine than the reference's, {found.engine or REFERENCE_ENGINE}, is expected"
+        )
     return found
 
 

@@ -20,7 +20,7 @@ from engines.schema.kinds import Kind
 from engines.schema.yaml_file import Located
 from harness.config import paths
 from harness.config.keys import Changes, Section, key, keys_of
-from harness.config.kinds import DURATION, NAME, RECORDED, RESOLUTION, OrNull, finite, integer, mapping, one_of
+from harness.config.kinds import DURATION, NAME, RECORDED, RESOLUTION, OrNull, finite, integer, mapping, number, one_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,6 +226,12 @@ class Budget:
         DURATION, "Time inside render calls. The checkpoint that passes it is the last.", "20s", name="max_time"
     )
     max_spp: int = key(integer(1, 2**31), "Samples per pixel of the last checkpoint.", 1024)
+    stop_at_error: float | None = key(
+        OrNull(number(0.0, 1e30, open_low=True)),
+        "Error, in the metric of targets, at which a cell ends before its budget is spent. Half of the smallest target leaves "
+        "the times to it as they are. Not on a cluster.",
+        None,
+    )
     timeout_seconds: float = key(
         DURATION, "Wall time after which a cell's process is killed; its checkpoints are kept.", "300s", name="timeout"
     )

@@ -51,8 +51,10 @@ def cell(engine: Any, request: CellRequest, parent: Parent) -> None:
     for point in points:
         began, ended = disturbance.window
         measured = {"seconds": point.seconds, "rays": point.rays, "began": began, "ended": ended, "alive": disturbance.alive}
-        hand_over(parent, engine, point.film, request, point.spp, **measured)
+        enough = hand_over(parent, engine, point.film, request, point.spp, **measured)
         counters = {key: value for key, value in point.counters.items() if key not in TIMED_HERE}
+        if enough:
+            break
     disturbance.rest()
     parent.send(End(counters, disturbance.report(), warm_build))
 
@@ -114,10 +116,11 @@ def written(parent: Parent) -> Iterator[None]:
         os._exit(0)
 
 
-def hand_over(parent: Parent, engine: Any, film: Any, request: ImageRequest, spp: int, **measured: Any) -> None:
-    """Leaves the film's arrays in the file `request.scratch` and waits until the parent has used them."""
+def hand_over(parent: Parent, engine: Any, film: Any, request: ImageRequest, spp: int, **measured: Any) -> bool:
+    """Leaves the film's arrays in the file `request.scratch` and waits until the parent has used them; whether they are
+    enough for it."""
     overshoots, settings = bool(getattr(engine, "overshoots", False)), request.settings
     with written(parent):
         films.leave(film, request.scratch, settings.width, settings.height, spp, overshoots)
     parent.send(Point(spp=spp, overshoots=overshoots, **measured))
-    parent.receive(Go)
+    return parent.receive(Go).enough

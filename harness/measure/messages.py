@@ -24,7 +24,9 @@ class Job(NamedTuple):
 
 
 class Go(NamedTuple):
-    """To the worker: the film has been used."""
+    """To the worker: the film has been used; `enough`: it is to be the last one."""
+
+    enough: bool = False
 
 
 class Imported(NamedTuple):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import pickle
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple, NoReturn, TypeVar
@@ -224,8 +224,11 @@ class Pool:
             self._workers[engine] = Worker(engine, self._allow_imports, self._log, *limits)
         return self._workers[engine]
 
-    def cell(self, engine: str, request: CellRequest | RayRequest, timeout_seconds: float) -> Generator[WorkerMessage]:
-        """The messages of a worker about a cell, from its import to its end; the caller's time in between is not counted.
+    def cell(
+        self, engine: str, request: CellRequest | RayRequest, timeout_seconds: float, enough: Callable[[], bool] = lambda: False
+    ) -> Generator[WorkerMessage]:
+        """The messages of a worker about a cell, from its import to its end; the caller's time in between is not counted. Once
+        the caller has `enough` a film is the last one.
 
         Raises `WorkerFailed` and `WorkerTimeout`. A worker that is left before its end is killed. What disturbed the cell is
         judged here: `machine` of its `End`.
@@ -255,7 +258,7 @@ class Pool:
                 deadline += monotonic() - began
                 expected = (Point, End) if not traces else (End,) if isinstance(answer, Traced) else (Traced,)
                 if film is not None:
-                    worker.ask(Go())
+                    worker.ask(Go(enough()))
         except GeneratorExit:
             worker.kill()
             raise

@@ -14,7 +14,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from engines import memory
-from engines.choices import Choice
+from engines.choices import SAMPLERS, Choice, resolve
 from engines.errors import ConfigError, RaybenchError, UnknownName, suggestion
 from engines.film import BYTES_A_PIXEL as FILM_BYTES
 from engines.interface import Engine
@@ -25,11 +25,12 @@ from harness.config import SCHEMA_VERSION, Experiment
 from harness.config.experiment import PREFERRED_BASELINES
 from harness.config.filters import Filter
 from harness.config.paths import shown
-from harness.config.sections import AUTOMATIC
+from harness.config.sections import AUTOMATIC, REFERENCE_ENGINE
 from harness.config.settings import Budget, Combination, SceneFile
 from harness.hashing import digest
 from harness.measure.machine import usable_cores
 from harness.measure.schedule import Schedule
+from harness.metrics import as_error
 from harness.plan import answers, certifiers
 from harness.plan.cells import Cell, Plan, flow
 from harness.plan.names import names_of
@@ -40,11 +41,14 @@ from harness.plan.verify_jobs import planned
 from harness.processes import allow_here
 from harness.settings import CellSettings, TracerSettings, completed, require_commands, require_imports
 from harness.source_hashes import engine_code, environment_of, plugin_codes
+from harness.statistics.reference_noise import SAMPLES_KNOWN
 from harness.trace import rays
 
 BYTES_A_PIXEL = 2 * FILM_BYTES + 4 * 3 * 8
 """Of a cell: a film where it is rendered and one here, and the reference's mean, halves and variance."""
 AA_LABEL = "A/A"
+DEFAULT_SPP = 8192
+"""Of a reference where neither the config nor its targets say how many, and the most that its certifier renders."""
 
 
 def make(
@@ -54,7 +58,7 @@ def make(
     allow_here(allow_imports, experiment.folder)
     known = _Known(experiment, allow_imports, allow_commands, allow_outside)
     found = [_configured(experiment, combination, known) for combination in experiment.combinations]
-    references = {wanted.reference_id: wanted for cell, wanted in found if wanted is not None}
+    references = _with_time(experiment, found)
     _one_division(experiment, found)
     _one_budget(experiment, found)
     configurations = _with_aa_twins(experiment, [cell for cell, _ in found])
@@ -161,7 +165,10 @@ class _Known:
         self.engines: dict[str, Engine] = {}
         reference = experiment.reference
         certify = None if reference.certify == AUTOMATIC else reference.certify
-        for name in filter(None, [*names, *((reference.engine, certify) if experiment.renders else ())]):
+        self.reference_engines = (
+            (reference.engine,) if reference.engine else (REFERENCE_ENGINE, *list(names)[: len(names) == 1])
+        )
+        for name in filter(None, [*names, *((*self.reference_engines, certify) if experiment.renders else ())]):
             require_imports(name, allow_imports)
             require_commands(name, allow_commands)
             answers.accelerators(self.engines.setdefault(name, engine_of(name)))  # raises: it cannot list them
@@ -239,6 +246,7 @@ def _configured(experiment: Experiment, combination: Combination, known: _Known)
         "max_spp": budget.max_spp,
         "checkpoints": experiment.checkpoints.describe(),
         **({"patterns": [asdict(each) for each in patterns]} if patterns else {}),
+        **({"stop_at_error": budget.stop_at_error} if budget.stop_at_error is not None else {}),
     }
     cell = _cell(
         combination,
@@ -324,9 +332,22 @@ def primitive_count(scene: Scene) -> int:
 def _reference(
     experiment: Experiment, file: SceneFile, scene: Scene, settings: CellSettings, known: _Known
 ) -> tuple[PlannedReference | None, str | None]:
-    """The reference of a scene, shader and size; or why its engine cannot make it."""
+    """The reference of a scene, shader and size; or why no engine that may can make it."""
+    reasons: dict[str, str] = {}
+    for name in dict.fromkeys(known.reference_engines):
+        planned, why_not = _reference_by(name, experiment, file, scene, settings, known)
+        if planned is not None:
+            return planned, None
+        reasons[name] = f"no reference by {name}: {why_not}"
+    return None, "; ".join(reasons.values())
+
+
+def _reference_by(
+    name: str, experiment: Experiment, file: SceneFile, scene: Scene, settings: CellSettings, known: _Known
+) -> tuple[PlannedReference | None, str | None]:
+    """The reference by an engine; or why it cannot make it. A sampler that no config names may be independent numbers, too."""
     given = experiment.reference
-    engine = known.engines[given.engine]
+    engine = known.engines[name]
     settings = replace(
         settings,
         precision=given.precision or "float64",
@@ -338,21 +359,28 @@ def _reference(
     if given.precision is None:
         settings = replace(settings, precision=answers.precision(engine, scene, settings, known.allow_imports))
     why_not = answers.why_not(engine, scene, settings, known.allow_imports)
+    if why_not and given.engine is None and name != REFERENCE_ENGINE:
+        settings = replace(settings, sampler=resolve("sampler", "random", SAMPLERS))
+        why_not = answers.why_not(engine, scene, settings, known.allow_imports)
     if why_not:
-        return None, f"no reference by {given.engine}: {why_not}"
+        return None, why_not
+    until = _until(experiment)
+    if given.spp is None and until is None:
+        given = replace(given, spp=DEFAULT_SPP)
     each, count = given.replicates
     plain = settings.describe()
     spec = {
         "schema": SCHEMA_VERSION,
         "scene": scene.identity,
-        "engine": given.engine,
+        "engine": name,
         "engine_version": str(engine.version),
         "replicate_spp": each,
         "replicates": count,
+        **({"until": until} if given.spp is None else {}),
         "seed": given.seed,
         **{key: value for key, value in plain.items() if key != "threads"},
     }
-    spec["code"] = {"engine": known.code(given.engine), **plugin_codes(plain)}
+    spec["code"] = {"engine": known.code(name), **plugin_codes(plain)}
     planned = PlannedReference(
         file,
         scene.identity,
@@ -364,6 +392,31 @@ def _reference(
     return replace(planned, certifier=_certifier(experiment, scene, planned, known)), None
 
 
+def _until(experiment: Experiment) -> dict[str, Any] | None:
+    """What decides the samples of a reference whose number is not given; None where no formula does."""
+    quality, most = experiment.quality, experiment.reference.max_time_seconds
+    if quality.targets is None or quality.metric not in SAMPLES_KNOWN:
+        return None
+    return {
+        "metric": quality.metric,
+        "epsilon": quality.epsilon if quality.metric == "relmse" else None,
+        "target": min(as_error(quality.metric, target) for target in quality.targets),
+        **({} if most is None else {"max_seconds": most}),
+    }
+
+
+def _with_time(experiment: Experiment, found: Iterable[tuple[Cell, PlannedReference | None]]) -> dict[str, PlannedReference]:
+    """The references by id, each with the time that it may take: that of the config, else that of its cells."""
+    references: dict[str, PlannedReference] = {}
+    for cell, wanted in found:
+        if wanted is not None:
+            before = references.get(wanted.reference_id)
+            seconds = cell.budget.max_time_seconds * experiment.repeats + (before.max_seconds if before else 0.0)
+            references[wanted.reference_id] = replace(wanted, max_seconds=seconds)
+    given = experiment.reference.max_time_seconds
+    return {key: each if given is None else replace(each, max_seconds=given) for key, each in references.items()}
+
+
 def _certifier(experiment: Experiment, scene: Scene, wanted: PlannedReference, known: _Known) -> Certifier | None:
     """The engine that the config names, or the first able one of another lineage."""
     name, width, height = experiment.reference.certify, wanted.spec["width"], wanted.spec["height"]
@@ -372,9 +425,9 @@ def _certifier(experiment: Experiment, scene: Scene, wanted: PlannedReference, k
     if name == AUTOMATIC:
         names = certifiers.candidates(width, height)
         return certifiers.first_able(names, wanted.lineage, lambda name: _as_certifier(name, scene, wanted, known))
-    engine, reference = known.engines[name], known.engines[experiment.reference.engine]
+    engine, by = known.engines[name], wanted.spec["engine"]
     where = f"{experiment.source} reference.certify"
-    certifiers.refuse_own_lineage(where, engine, name, reference, experiment.reference.engine)
+    certifiers.refuse_own_lineage(where, engine, name, known.engines[by], by)
     return _as_certifier(name, scene, wanted, known)
 
 
@@ -384,7 +437,8 @@ def _as_certifier(name: str, scene: Scene, wanted: PlannedReference, known: _Kno
     if engine is None:
         return None
     lineage = lineage_of(engine)
-    share = certifiers.share(lineage, wanted.spec["width"], wanted.spec["height"], wanted.spp)
+    spp = DEFAULT_SPP if wanted.until else wanted.spp
+    share = certifiers.share(lineage, wanted.spec["width"], wanted.spec["height"], spp)
     given = certifiers.smaller(wanted.settings, share.factor)
     given = replace(given, accelerator=answers.resolved(engine, Choice("auto")))
     why_not: str | None = None

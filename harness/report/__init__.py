@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from harness.analysis import analyse
+from harness.analysis import Analysis, analyse
 from harness.console import consoles
 from harness.report.plots import write_plots
 from harness.report.plugins import Plugin, make
@@ -17,16 +17,16 @@ from harness.store.atomic import write_text
 from harness.store.results import load_results
 
 
-def write_derived(folder: str | Path, plugins: Sequence[Plugin] = ()) -> Path:
+def write_derived(folder: str | Path, plugins: Sequence[Plugin] = (), analysis: Analysis | None = None) -> Path:
     """(Re)writes points.csv, ttq.csv, phases.csv, winners.txt, tables/, plots/ and report.html; returns the report's path.
 
     Needs manifest, events and images alone, whatever is missing among them. Raises ConfigError without events. What one of the
-    `plugins` raises is a line in the report and on stderr.
+    `plugins` raises is a line in the report and on stderr. `analysis` is that of the folder where it is known.
     """
     from harness.report.html.assembly import report_html
 
-    results = load_results(folder)
-    analysis = analyse(results)
+    analysis = analysis or analyse(load_results(folder))
+    results = analysis.results
     tables = write_tables(analysis, results.folder)
     plots = write_plots(analysis, results.folder)
     write_text(results.folder / WINNERS, winners_text(analysis) + rays_text(results))

@@ -12,7 +12,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn
 from rich.text import Text
 
-from harness.plan.cells import Cell
+from harness.plan.cells import Cell, Plan
 from harness.settings import CellSettings
 from harness.store import records
 
@@ -26,7 +26,7 @@ class Listener(Protocol):
     def note(self, text: str) -> None: ...
     def reference(self, name: str, done: int, wanted: int) -> None: ...
     def cell(self, cell: Cell, number: int, total: int, seconds_left: float) -> None: ...
-    def point(self, spp: int, seconds: float) -> None: ...
+    def point(self, spp: int, seconds: float, error: float) -> None: ...
     def finished(self, cell: Cell, event: records.AnyCell) -> None: ...
     def verify_job(self, name: str, number: int, total: int) -> None: ...
 
@@ -56,9 +56,9 @@ def duration(seconds: float) -> str:
 
 
 class Terminal:
-    """A `Listener` that draws on a console."""
+    """A `Listener` that draws on a console; `plan` is for those that show more of it."""
 
-    def __init__(self, console: Console) -> None:
+    def __init__(self, console: Console, plan: Plan | None = None) -> None:
         self.console = console
         self._bar = Progress(
             BarColumn(BAR_WIDTH),
@@ -92,7 +92,7 @@ class Terminal:
         self._left = f"at most {duration(seconds_left)} left"
         self._draw(f"{self._left}: {self._words}", number, total)
 
-    def point(self, spp: int, seconds: float) -> None:
+    def point(self, spp: int, seconds: float, error: float) -> None:
         self._draw(f"{self._left}: {spp} spp in {duration(seconds)}, {self._words}", self._number, self._total)
 
     def finished(self, cell: Cell, event: records.AnyCell) -> None:

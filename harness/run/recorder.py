@@ -39,6 +39,7 @@ from harness.store.records import (
     VerifyJob,
     attempt_of,
 )
+from harness.store.results import point_error
 
 UNUSABLE = "the engine's figures are unusable"
 SHARED_SPP = (1, 4, 16)
@@ -258,6 +259,7 @@ class CellRecord:
         self.counters: dict[str, float] = {}
         self.disturbance: dict[str, Any] = {}
         self.traced: dict[str, Any] = {}
+        self.enough = False
         self._last_film: Any = None
 
     def follow(self, messages: Iterable[WorkerMessage]) -> None:
@@ -325,7 +327,9 @@ class CellRecord:
         wanted = self.cell.block == 0 or found.spp in SHARED_SPP
         if images == "all" or (images == "some" and wanted and self.cell.label is None):
             self._keep(film)
-        self.recorder.listener.point(found.spp, found.seconds)
+        error, stop = point_error(self.points[-1], quality.name)[0], self.cell.budget.stop_at_error
+        self.enough = stop is not None and error <= stop
+        self.recorder.listener.point(found.spp, found.seconds, error)
 
     def keep_last_image(self) -> None:
         """Writes the image of the last checkpoint, if images are expected and it is not there yet."""

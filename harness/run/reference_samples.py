@@ -9,7 +9,9 @@ from engines.errors import ConfigError
 from harness.config import Quality
 from harness.metrics import Reference, as_error, metric_title
 from harness.plan.references import PlannedReference
-from harness.statistics.reference_noise import samples_needed
+from harness.run.progress import duration
+from harness.run.references import pilot_in
+from harness.statistics.reference_noise import SAMPLES_KNOWN, samples_needed
 from harness.store.reference_files import META, film_in, meta_of
 
 SAME = ("width", "height", "shader", "sampler")
@@ -31,14 +33,21 @@ def sufficiency(wanted: PlannedReference, root: Path, quality: Quality) -> Suffi
     if quality.targets is None:
         return Sufficiency(None, "samples needed: not known before the targets, which are chosen from the first results")
     title = metric_title(quality.name)
-    if quality.metric not in ("relmse", "mse"):
+    if quality.metric not in SAMPLES_KNOWN:
         return Sufficiency(None, f"samples needed: not known for {title}; every time to quality is checked against its halves")
     target = min(as_error(quality.metric, each) for each in quality.targets)
-    pilot = pilot_of(wanted, root)
+    pilot, spp = pilot_of(wanted, root), spp_of(wanted, root)
+    if pilot is None and spp is None:
+        most = duration(wanted.max_seconds)
+        return Sufficiency(None, f"as many samples as the target {target:g} in {title} needs, in at most about {most}")
     if pilot is None:
         return Sufficiency(None, f"samples needed for the target {target:g} in {title}: not known before its first replicates")
     needed = samples_needed(pilot, target, quality.epsilon if quality.metric == "relmse" else None)
-    if needed <= wanted.spp:
+    if spp is None:
+        return Sufficiency(
+            None, f"the target {target:g} in {title} needs about {needed:,} samples, {_time(wanted, root, needed)}"
+        )
+    if needed <= spp:
         return Sufficiency(True, f"enough samples: the target {target:g} in {title} needs about {needed:,}")
     return Sufficiency(
         False,
@@ -64,4 +73,25 @@ def pilot_of(wanted: PlannedReference, root: Path) -> Reference | None:
         film = film_in(found[1], meta_of(found[1]))
     except ConfigError:
         return None
-    return Reference(film.mean(), film.half(0), film.half(1), film.variance_of_mean(), found[0])
+    return pilot_in(film, found[0] // film.spp)
+
+
+def _time(wanted: PlannedReference, root: Path, needed: int) -> str:
+    """How long a reference of so many samples takes, as far as that is known."""
+    try:
+        meta = meta_of(wanted.folder(root))
+    except ConfigError:
+        return f"in at most about {duration(wanted.max_seconds)}"
+    seconds = meta.seconds * max(needed, wanted.spp) / (meta.done * meta.spec.replicate_spp)
+    return f"about {duration(min(wanted.max_seconds, seconds))} in all"
+
+
+def spp_of(wanted: PlannedReference, root: Path) -> int | None:
+    """Samples per pixel of a reference; None where they are as many as it needs, and it is not finished."""
+    if wanted.until is None:
+        return wanted.spp
+    try:
+        meta = meta_of(wanted.folder(root))
+    except ConfigError:
+        return None
+    return meta.done * meta.spec.replicate_spp if meta.complete else None

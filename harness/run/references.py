@@ -12,7 +12,7 @@ quasi-random samplers too. On disk it is a film whose samples are the replicates
 They lie in a cache folder, named by what they are made of, and all runs share them. One process at a time makes a
 reference; others wait for it. Files appear whole, and a finished reference is not written again. One that is interrupted
 goes on where it was; one of more samples starts from the largest that is there with the same seeds, and is the same to
-the bit as one made at once.
+the bit as one made at once. Where the spec has `until`, replicates are added until there are enough for its target.
 """
 
 from __future__ import annotations
@@ -30,11 +30,14 @@ import numpy as np
 from engines.choices import Choice
 from engines.errors import ConfigError
 from engines.film import Film
+from harness.config.sections import MOST_REPLICATES
 from harness.measure import machine
 from harness.measure.pool import WorkerFailed
 from harness.measure.requests import ReferenceRequest
+from harness.metrics import Reference as ReferenceImage
 from harness.plan.references import PlannedReference
 from harness.settings import CellSettings
+from harness.statistics.reference_noise import samples_needed
 from harness.store import atomic, locks
 from harness.store.records import Reference, ReferenceMeta, ReferenceSpec
 from harness.store.reference_files import EXR, META, checksum, film_in, meta_of, refuse_stale, write_meta
@@ -84,11 +87,11 @@ def held(wanted: PlannedReference, root: Path, waits: Callable[[], None] = lambd
 def _made(wanted: PlannedReference, root: Path, pool: Images, report: Report) -> ReferenceMeta:
     folder = wanted.folder(root)
     film, seconds = _start(wanted, root)
-    first, count = film.spp, wanted.spec["replicates"]
-    if first < count:
-        report(first, count)
-        saved = monotonic()
-        seeds = range(wanted.spec["seed"] + first, wanted.spec["seed"] + count)
+    first, saved = film.spp, monotonic()
+    while film.spp < (count := _replicates_needed(wanted, film, seconds)):
+        if film.spp == first:
+            report(first, count)
+        seeds = range(wanted.spec["seed"] + film.spp, wanted.spec["seed"] + count)
         for replicate, more in replicates(wanted, seeds, pool):
             seconds += more
             _add(film, replicate, wanted)
@@ -97,9 +100,28 @@ def _made(wanted: PlannedReference, root: Path, pool: Images, report: Report) ->
                 saved = monotonic()
             if film.spp < count:
                 report(film.spp, count)
-    meta = _save(folder, wanted, film, seconds)
-    report(count, count)
+    meta = _save(folder, wanted, film, seconds, complete=True)
+    report(film.spp, film.spp)
     return meta
+
+
+def _replicates_needed(wanted: PlannedReference, film: Film, seconds: float) -> int:
+    """The number of replicates to go on to, even: that of the spec, or as many as its target asks for and the time allows.
+
+    It at most doubles what there is, whose noise is known the better the more there is.
+    """
+    done, fewest = film.spp, int(wanted.spec["replicates"])
+    if wanted.until is None or done < fewest:
+        return fewest
+    needed = samples_needed(pilot_in(film, wanted.spec["replicate_spp"]), wanted.until["target"], wanted.until["epsilon"])
+    affordable = int(wanted.max_seconds * done / seconds) if seconds > 0 else MOST_REPLICATES
+    count = min(-(-needed // wanted.spec["replicate_spp"]), affordable, 2 * done, MOST_REPLICATES)
+    return max(count, done) + max(count, done) % 2
+
+
+def pilot_in(film: Film, replicate_spp: int) -> ReferenceImage:
+    """The film of a reference, finished or not, as images with their noise."""
+    return ReferenceImage(film.mean(), film.half(0), film.half(1), film.variance_of_mean(), film.spp * replicate_spp)
 
 
 def replicates(
@@ -119,16 +141,17 @@ def replicates(
 
 def event(wanted: PlannedReference, root: Path) -> Reference:
     """What `events.jsonl` says of a reference. Its id and its scene's hash say where it lies."""
+    meta = meta_of(wanted.folder(root))
     return Reference(
         scene=wanted.scene.name,
         scene_hash=wanted.scene_hash,
         reference_id=wanted.reference_id,
         engine=wanted.spec["engine"],
-        spp=wanted.spp,
+        spp=meta.done * meta.spec.replicate_spp,
         width=wanted.spec["width"],
         height=wanted.spec["height"],
         shader=Choice.of(wanted.spec["shader"]),
-        seconds=meta_of(wanted.folder(root)).seconds,
+        seconds=meta.seconds,
     )
 
 
@@ -147,7 +170,8 @@ def _start(wanted: PlannedReference, root: Path) -> tuple[Film, float]:
             meta = meta_of(path.parent)
         except ConfigError:
             continue
-        if meta.family == wanted.family and meta.done <= wanted.spec["replicates"]:
+        most = MOST_REPLICATES if wanted.until else wanted.spec["replicates"]
+        if meta.family == wanted.family and meta.done <= most:
             found.append((meta.done, path.parent, meta))
     for _, folder, meta in sorted(found, key=lambda each: each[0], reverse=True):
         try:
@@ -170,7 +194,7 @@ def _add(film: Film, replicate: Film, wanted: PlannedReference) -> None:
     film.add(image)
 
 
-def _save(folder: Path, wanted: PlannedReference, film: Film, seconds: float) -> ReferenceMeta:
+def _save(folder: Path, wanted: PlannedReference, film: Film, seconds: float, complete: bool = False) -> ReferenceMeta:
     """Writes arrays and image, then the metadata that names them, then removes the arrays that the metadata named before.
 
     A crash leaves one or the other. To be called with the reference `held`.
@@ -185,7 +209,7 @@ def _save(folder: Path, wanted: PlannedReference, film: Film, seconds: float) ->
         scene_hash=wanted.scene_hash,
         spec=ReferenceSpec(**wanted.spec),
         done=film.spp,
-        complete=film.spp == wanted.spec["replicates"],
+        complete=complete,
         file=name,
         sha256=checksum(folder / name),
         seconds=seconds,

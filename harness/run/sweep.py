@@ -224,6 +224,14 @@ class Sweep:
             if reference_id not in named and references.ready(wanted, self.recorder.root):
                 self.recorder.append(references.event(wanted, self.recorder.root))
             self._certify(wanted, pool)
+        self._write_references()
+
+    def _write_references(self) -> None:
+        """Says in the manifest with how many samples the references came out."""
+        folder, made = self.recorder.folder, store.of_kind(self.recorder.history, records.Reference)
+        spp = {event.reference_id: event.spp for event in made if event.reference_id in self.plan.references}
+        if (manifest := store.read_manifest(folder)).reference_spp != spp:
+            store.write_manifest(folder, manifest.replaced(reference_spp=spp))
 
     def make_ray_sets(self) -> None:
         """Makes the sets of rays that cells to be measured trace; a cell whose set cannot be made has failed."""

@@ -7,6 +7,9 @@ import math
 from harness.metrics import Reference
 from harness.statistics.convergence import CLEAR_ERRORS
 
+SAMPLES_KNOWN = ("relmse", "mse")
+"""Metrics for which `samples_needed` has a formula."""
+
 
 def samples_needed(pilot: Reference, target: float, epsilon: float | None) -> int:
     """About the samples per pixel from which on an error of `target` stands 10 standard errors above zero.

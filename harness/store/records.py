@@ -518,7 +518,7 @@ Event = Annotated[AnyEvent, Field(discriminator="event")]
 
 class Manifest(Record):
     """What was run. `config` is the experiment as a file with every default filled in, which `folder.config_of` reads; `merged`
-    are the manifests of the folders that were merged."""
+    are the manifests of the folders that were merged, `reference_spp` the samples per pixel of the references as made."""
 
     model_config = ConfigDict(extra="allow")
     raybench_results: int
@@ -533,6 +533,7 @@ class Manifest(Record):
     command: tuple[Text, ...] = ()
     machine: dict[str, Any] = {}
     merged: tuple[dict[str, Any], ...] = ()
+    reference_spp: dict[Id, int] = {}
 
 
 # --- references on disk ---------------------------------------------------------------------------------------------

@@ -88,7 +88,7 @@ def read(folder: Path, reference_id: str, scene_hash: str) -> Reference:
         raise ConfigError(
             f"{folder}: {film.bad_samples} of this reference's samples are NaN or infinite: finite radiance is expected"
         )
-    spp = meta.spec.replicates * meta.spec.replicate_spp
+    spp = meta.done * meta.spec.replicate_spp
     return Reference(film.mean(), film.half(0), film.half(1), film.variance_of_mean(), spp)
 
 

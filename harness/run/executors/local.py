@@ -33,6 +33,7 @@ def _measure(recorder: Recorder, pool: Pool, cells: Sequence[Cell], again: bool)
         recorder.begin(cell, attempt)
         began = monotonic()
         record = CellRecord(recorder, cell, recorder.env_id, attempt)
-        with closing(pool.cell(cell.engine, recorder.request(cell), cell.budget.timeout_seconds)) as messages:
+        asked = cell.engine, recorder.request(cell), cell.budget.timeout_seconds, lambda record=record: record.enough
+        with closing(pool.cell(*asked)) as messages:
             event = recorder.measured_as(record, messages)
         recorder.finish(cell, event.replaced(wall_seconds=monotonic() - began))

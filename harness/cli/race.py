@@ -1,0 +1,304 @@
+"""The command `raybench race`: a short way to write an experiment, run it and read its answer."""
+
+from __future__ import annotations
+
+import math
+import shlex
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from harness.cli.options import (
+    AllowCommands,
+    AllowImports,
+    AllowOutside,
+    Define,
+    Out,
+    References,
+    Set,
+    choices,
+    engine_lists,
+    parameters_of,
+    parse_size,
+    shipped,
+    words,
+)
+
+if TYPE_CHECKING:
+    from engines.interface import Engine
+    from engines.scene import Scene
+
+PIXELS = 96 * 96
+"""About so many has an image where no size is given."""
+SAMPLERS = ("sobol", "orthogonal", "stratified", "random")
+"""Where none is named: the first that all engines have, else of each engine the first that it has."""
+ERROR_SHARE = 0.5
+"""A cell ends at this share of the smallest target: what may happen to its error later does not move the time to the target."""
+RAY_KINDS = ("camera", "shadow", "incoherent")
+RAY_ENGINES = ("numpy", "numba", "embree", "embreex_batch")
+"""Those that are compared by rays where none is named."""
+
+_SEVERAL = "Separated by commas; may be repeated."
+
+
+def race(
+    scene: Annotated[
+        list[str],
+        typer.Argument(metavar="SCENE...", help="Scenes: paths, or bare names from scenes/.", autocompletion=shipped("scenes")),
+    ],
+    engine: Annotated[
+        list[str] | None,
+        typer.Option("--engine", metavar="A,B", help=f"Engines. {_SEVERAL}", show_default="numba", autocompletion=engine_lists),
+    ] = None,
+    shader: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="A,B",
+            help="Names, '{name: path_tracer, max_depth: 6}', or module:attribute with --allow-imports.",
+            show_default="path_tracer",
+            autocompletion=choices("SHADERS"),
+        ),
+    ] = None,
+    sampler: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="A,B",
+            help="Names, mappings with options, or module:attribute.",
+            show_default="sobol, or each engine's own",
+            autocompletion=choices("SAMPLERS"),
+        ),
+    ] = None,
+    accelerator: Annotated[
+        list[str] | None, typer.Option(metavar="A,B", help="Names, or mappings with options.", show_default="auto")
+    ] = None,
+    precision: Annotated[
+        list[str] | None,
+        typer.Option(metavar="A,B", help="float64 or float32.", show_default="float64, or what all engines have"),
+    ] = None,
+    threads: Annotated[list[str] | None, typer.Option(metavar="N,M", help="Threads.", show_default="every core")] = None,
+    to: Annotated[
+        list[str] | None, typer.Option("--to", metavar="ERROR,...", help="Targets: errors in relMSE.", show_default="0.03,0.01")
+    ] = None,
+    size: Annotated[
+        Any | None, typer.Option(parser=parse_size, metavar="WxH", help="Pixels.", show_default="some 96x96, in shape")
+    ] = None,
+    time: Annotated[
+        str | None, typer.Option(metavar="TIME", help="Most time inside render calls, per cell.", show_default="2s")
+    ] = None,
+    repeats: Annotated[
+        int | None, typer.Option(min=1, max=1000, help="Repeats, each with its own seed.", show_default="3")
+    ] = None,
+    rays: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="SET,...",
+            help="Race by rays, not by images: camera, shadow, incoherent, or all.",
+            autocompletion=words(*RAY_KINDS, "all"),
+        ),
+    ] = None,
+    overrides: Set = None,
+    save: Annotated[Path | None, typer.Option(metavar="FILE", dir_okay=False, help="Keep the experiment: .yaml.")] = None,
+    out: Out = None,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Delete earlier results in the folder first.")] = False,
+    define: Define = None,
+    allow_imports: AllowImports = False,
+    allow_commands: AllowCommands = False,
+    allow_outside: AllowOutside = False,
+    references: References = None,
+) -> None:
+    """Race engines, shaders or samplers to an image error: who is sooner, and by how much. An experiment of one line."""
+    from engines.errors import ConfigError
+    from engines.schema.yaml_file import locate
+    from harness.cli import experiments
+    from harness.cli.race_output import RaceTerminal, print_answer
+    from harness.config import ConfigFile
+    from harness.console import consoles
+    from harness.processes import allow_here
+    from harness.run.sweep import Options
+
+    allow_here(allow_imports)
+    given = {"engine": engine, "shader": shader, "sampler": sampler, "accelerator": accelerator}
+    given |= {"precision": precision, "threads": threads, "rays": rays}
+    axes = {name: _values(f"--{name}", texts) for name, texts in given.items() if texts}
+    targets = _values("--to", to) if to else [0.03, 0.01]
+    parameters, allowed = parameters_of(define), (allow_imports, allow_commands, allow_outside)
+    scenes = [{"file": each, "parameters": parameters} for each in scene] if parameters else scene
+    if rays:
+        written, notes = _by_rays(scenes, axes), []
+    else:
+        written, notes = _by_images(scenes, axes, targets, size, allowed)
+    if time is not None:
+        written["budget"]["max_time"] = time
+    if repeats is not None:
+        written["repeats"] = repeats
+    file = ConfigFile(locate(written, "", ConfigError), Path("race.yaml"), "")
+    if save is not None:
+        _save(save, file.overridden(overrides or []).plain())
+    for note in notes:
+        consoles()[1].print(note, markup=False, soft_wrap=True)
+    options = Options(False, False, *allowed, ["raybench", *sys.argv[1:]])
+    if rays:
+        raise typer.Exit(experiments.run(file, out, overrides or [], fresh, options))
+    raise typer.Exit(experiments.run(file, out, overrides or [], fresh, options, terminal=RaceTerminal, answer=print_answer))
+
+
+def _values(option: str, texts: Sequence[str]) -> list[Any]:
+    """The values of an option, of lists separated by commas that are added up; each is YAML."""
+    from engines.errors import ConfigError
+    from engines.schema.yaml_file import parse_yaml
+
+    found = [value for text in texts for value in parse_yaml(f"[{text}]", option, ConfigError).plain()]
+    if not found:
+        raise ConfigError(f"{option} {' '.join(texts)}: a value is expected")
+    return list({str(value): value for value in found}.values())
+
+
+def _name(scenes: Sequence[Any], axes: Mapping[str, Sequence[Any]]) -> str:
+    """Of the results folder, too: the same question goes on where it was, another one is another folder."""
+    parts = [Path(each["file"] if isinstance(each, dict) else each).stem for each in scenes]
+    parts += [_word(value) for name in axes for value in axes[name]]
+    return f"race {' '.join(parts)}"[:80]
+
+
+def _word(value: Any) -> str:
+    return " ".join(str(each) for each in value.values()) if isinstance(value, dict) else str(value)
+
+
+def _by_rays(scenes: list[Any], axes: dict[str, list[Any]]) -> dict[str, Any]:
+    """The experiment of a race by rays."""
+    kinds = [*RAY_KINDS] if "all" in axes["rays"] else axes["rays"]
+    return {
+        "raybench_experiment": 1,
+        "name": _name(scenes, axes),
+        "matrix": {"scene": scenes, "engine": [*RAY_ENGINES], **axes, "rays": kinds},
+        "budget": {"max_time": "500ms"},
+        "repeats": 5,
+        "remeasure": 0,
+    }
+
+
+def _by_images(
+    scenes: list[Any],
+    axes: dict[str, list[Any]],
+    targets: list[Any],
+    size: tuple[int, int] | None,
+    allowed: tuple[bool, bool, bool],
+) -> tuple[dict[str, Any], list[str]]:
+    """The experiment of a race by images, and what is to be said of the settings that were chosen."""
+    from engines.errors import ConfigError
+    from harness.measure.machine import usable_cores
+
+    if not all(isinstance(each, (int, float)) and not isinstance(each, bool) and 0 < each < math.inf for each in targets):
+        raise ConfigError(f"--to {','.join(map(str, targets))}: errors above zero are expected, as 0.03,0.01")
+    axes = {"engine": ["numba"], "threads": [len(usable_cores())], **axes}
+    engines = _engines(axes["engine"], allowed)
+    loaded = [_scene(each, allowed) for each in scenes]
+    written: dict[str, Any] = {"raybench_experiment": 1, "name": _name(scenes, axes)}
+    matrix: dict[str, Any] = {"scene": scenes, **axes}
+    zips: list[dict[str, list[Any]]] = []
+    notes: list[str] = []
+    if size is None and len({_size(scene) for scene in loaded}) > 1:
+        zips.append({"scene": matrix.pop("scene"), "resolution": [[*_size(scene)] for scene in loaded]})
+    else:
+        written["resolution"] = [*(size or _size(loaded[0]))]
+    if "shader" not in axes and len(loaded) == 1 and loaded[0].shader is not None:
+        matrix["shader"] = [dict(loaded[0].shader)]
+    single = {}
+    if "precision" not in axes and (single := _only_single(engines, loaded, allowed)):
+        matrix["precision"] = ["float32"]
+        notes.append(f"precision: float32, since {', '.join(single)} has nothing else")
+    if "sampler" not in axes:
+        precision = "float32" if single else "float64"
+        own = {name: _sampler(engine, loaded[0], precision, allowed) for name, engine in engines.items()}
+        if len(set(own.values())) == 1:
+            matrix["sampler"] = [next(iter(own.values()))]
+        else:
+            zips.append({"engine": matrix.pop("engine"), "sampler": [*own.values()]})
+            notes.append(f"sampler: {', '.join(f'{name} {sampler}' for name, sampler in own.items())}")
+    written |= {"matrix": matrix, **({"zip": zips[0] if len(zips) == 1 else zips} if zips else {})}
+    # A reference in the precision of the cells shares their compiled code; its rounding is far below any target.
+    precisions = matrix.get("precision", [])
+    reference = {"precision": "float32"} if precisions == ["float32"] else {}
+    return {
+        **written,
+        "budget": {"max_time": "2s", "max_spp": 1 << 16, "stop_at_error": ERROR_SHARE * min(targets)},
+        "repeats": 3,
+        "remeasure": 0,
+        "reference": {**reference, "certify": None},
+        "quality": {"metric": "relmse", "targets": targets},
+    }, notes
+
+
+def _engines(named: Sequence[Any], allowed: tuple[bool, bool, bool]) -> dict[str, Engine]:
+    """The engines by their names in the experiment. Unknown ones are left to the experiment's reader to refuse."""
+    from engines.registry import engine
+    from harness.settings import require_commands, require_imports
+
+    found: dict[str, Engine] = {}
+    for name in map(str, named):
+        require_imports(name, allowed[0])
+        require_commands(name, allowed[1])
+        found[name] = engine(name)
+    return found
+
+
+def _scene(given: Any, allowed: tuple[bool, bool, bool]) -> Scene:
+    from dataclasses import replace
+
+    from engines.errors import ConfigError
+    from engines.schema.yaml_file import locate
+    from harness.config.settings import SceneKind
+
+    file = SceneKind().read(locate(given, "SCENE", ConfigError))
+    return replace(file, allow_outside=allowed[2]).load(allowed[0])
+
+
+def _size(scene: Scene) -> tuple[int, int]:
+    """Width and height of about `PIXELS`, in the shape of the scene's image and no larger."""
+    width, height = scene.camera.resolution
+    factor = min(1.0, math.sqrt(PIXELS / (width * height)))
+    return max(1, round(width * factor)), max(1, round(height * factor))
+
+
+def _why_not(engine: Engine, scene: Scene, sampler: str, precision: str, allowed: tuple[bool, bool, bool]) -> str | None:
+    from engines.choices import Choice
+    from harness.plan import answers
+    from harness.settings import CellSettings
+
+    width, height = scene.camera.resolution
+    shader = Choice.of(scene.shader) if scene.shader is not None else Choice("path_tracer")
+    given = CellSettings(shader, Choice(sampler), Choice("auto"), precision, 1, int(width), int(height))
+    return answers.why_not(engine, scene, given, allowed[0])
+
+
+def _only_single(engines: Mapping[str, Engine], scenes: Sequence[Scene], allowed: tuple[bool, bool, bool]) -> list[str]:
+    """The engines that render in float32 alone."""
+    return [
+        name
+        for name, engine in engines.items()
+        if any(
+            _why_not(engine, scene, "random", "float64", allowed) and not _why_not(engine, scene, "random", "float32", allowed)
+            for scene in scenes
+        )
+    ]
+
+
+def _sampler(engine: Engine, scene: Scene, precision: str, allowed: tuple[bool, bool, bool]) -> str:
+    """The first of `SAMPLERS` that an engine has."""
+    able = (name for name in SAMPLERS if not _why_not(engine, scene, name, precision, allowed))
+    return next(able, SAMPLERS[0])
+
+
+def _save(file: Path, written: dict[str, Any]) -> None:
+    """Writes the experiment, with the command that it stands for."""
+    import yaml
+
+    from harness.cli.outputs import check_file
+    from harness.store import atomic
+
+    check_file(file, (".yaml", ".yml"), "--save")
+    text = yaml.safe_dump(written, sort_keys=False, default_flow_style=None, width=120)
+    atomic.write_text(file, f"# {shlex.join(['raybench', *sys.argv[1:]])}\n{text}")
