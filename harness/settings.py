@@ -82,12 +82,16 @@ def _plugin(kind: str, given: Choice, allow_imports: bool) -> tuple[Any, dict[st
     found = load_attribute(name)
     if isinstance(found, type) or (callable(found) and not hasattr(found, "name")):
         try:
-            options = _arguments(f"{kind} {name!r}", found, options)
-            return found(**options), options
+            if inspect.signature(found).parameters:
+                options = _arguments(f"{kind} {name!r}", found, options)
+                return found(**options), options
+            found = found()  # whose own `options` are changed
         except RaybenchError:
             raise
         except (Exception, SystemExit) as error:
             raise ConfigError(f"{kind} {name}: cannot be created: {type(error).__name__}: {error}") from error
+    if not isinstance(getattr(found, "name", None), str):
+        raise ConfigError(f"{kind} {name}: is of type {type(found).__name__}: an object with a `name` is expected")
     choice = choices.resolve(kind, {"name": found, **options}, {})
     return choice, dict(choice.options)
 
