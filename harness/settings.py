@@ -67,7 +67,16 @@ def engine_settings(settings: CellSettings, seed: int, allow_imports: bool) -> S
 
 def plugin_or_choice(kind: str, given: Choice, allow_imports: bool) -> Any:
     """The choice as plain data, or for `module:attribute` the plugin that it names, with its options."""
-    return _plugin(kind, given, allow_imports)[0] if ":" in given.name else given.describe()
+    if ":" in given.name:
+        return _plugin(kind, given, allow_imports)[0]
+    for name in code_of(given):
+        require_imports(name, allow_imports)
+    return given.describe()
+
+
+def code_of(given: Choice) -> list[str]:
+    """The `module:attribute` that a choice names: itself, or its option `plugin`, which its engine imports."""
+    return [name for name in (given.name, given.options.get("plugin")) if isinstance(name, str) and ":" in name]
 
 
 def completed(kind: str, given: Choice, allow_imports: bool) -> Choice:
