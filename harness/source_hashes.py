@@ -51,8 +51,14 @@ def _code_at(name: str, given: Choice) -> str:
     """The hash of the code of a choice's plugin; what the choice's engine imports is not imported here."""
     if name == given.name:
         return plugin_code(load_attribute(name), name)
-    found = find_spec(name.partition(":")[0])
-    return digest(code_files([Path(found.origin)] if found and found.origin else []))
+    module = name.partition(":")[0]
+    try:
+        found = find_spec(module)
+    except (ImportError, ValueError) as error:
+        raise ConfigError(f"{name}: cannot be found: {error}") from error
+    if found is None or not found.origin:
+        raise ConfigError(f"{name}: there is no module {module} beside the file that names it or in the working directory")
+    return digest(code_files([Path(found.origin)]))
 
 
 def plugin_code(plugin: Any, name: str) -> str:

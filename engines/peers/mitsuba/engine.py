@@ -140,11 +140,8 @@ class Engine:
         with library.active(self.variant, 1):
             mi, _ = library.modules()
             images = renders_images(mi, made)
-        return (
-            f"Mitsuba's {chosen.shader.options['type']} renders whole images, which need its independent sampler"
-            if images
-            else None
-        )
+        kind = chosen.shader.options["type"]
+        return f"Mitsuba's {kind} renders whole images, which raybench gives independent samples only" if images else None
 
     def _settings_lack(self, chosen: Settings) -> str | None:
         shader, sampler = chosen.shader, chosen.sampler

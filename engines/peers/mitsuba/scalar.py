@@ -24,7 +24,7 @@ MOST_LANES = 1 << 26
 
 
 def renders_images(mi: Any, integrator: Any) -> bool:
-    """Whether an integrator only renders whole images: it has no radiance along single rays, or in Python a `render` of its own."""
+    """Whether an integrator only renders whole images: it has no radiance along single rays, or a `render` in Python."""
     classes = type(integrator).__mro__
     own = any("render" in made.__dict__ for made in classes if made.__module__.partition(".")[0] != "mitsuba")
     return own or not isinstance(integrator, mi.SamplingIntegrator)
