@@ -35,6 +35,7 @@ OMITTED: dict[tuple[str, str], Any] = {
     ("path_tracer", "bsdf_fraction"): 0.5,
     ("path_tracer", "spatial_threshold"): 4000,
     ("path_tracer", "flux_threshold"): 0.01,
+    ("mitsuba", "plugin"): None,
 }
 """Options that came after the first published results, with the values at which descriptions leave them out: what those
 results describe keeps its identity."""

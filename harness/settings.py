@@ -67,7 +67,16 @@ def engine_settings(settings: CellSettings, seed: int, allow_imports: bool) -> S
 
 def plugin_or_choice(kind: str, given: Choice, allow_imports: bool) -> Any:
     """The choice as plain data, or for `module:attribute` the plugin that it names, with its options."""
-    return _plugin(kind, given, allow_imports)[0] if ":" in given.name else given.describe()
+    if ":" in given.name:
+        return _plugin(kind, given, allow_imports)[0]
+    for name in code_of(given):
+        require_imports(name, allow_imports)
+    return given.describe()
+
+
+def code_of(given: Choice) -> list[str]:
+    """The `module:attribute` that a choice names: itself, or its option `plugin`, which its engine imports."""
+    return [name for name in (given.name, given.options.get("plugin")) if isinstance(name, str) and ":" in name]
 
 
 def completed(kind: str, given: Choice, allow_imports: bool) -> Choice:
@@ -82,12 +91,16 @@ def _plugin(kind: str, given: Choice, allow_imports: bool) -> tuple[Any, dict[st
     found = load_attribute(name)
     if isinstance(found, type) or (callable(found) and not hasattr(found, "name")):
         try:
-            options = _arguments(f"{kind} {name!r}", found, options)
-            return found(**options), options
+            if inspect.signature(found).parameters:
+                options = _arguments(f"{kind} {name!r}", found, options)
+                return found(**options), options
+            found = found()  # whose own `options` are changed
         except RaybenchError:
             raise
         except (Exception, SystemExit) as error:
             raise ConfigError(f"{kind} {name}: cannot be created: {type(error).__name__}: {error}") from error
+    if not isinstance(getattr(found, "name", None), str):
+        raise ConfigError(f"{kind} {name}: is of type {type(found).__name__}: an object with a `name` is expected")
     choice = choices.resolve(kind, {"name": found, **options}, {})
     return choice, dict(choice.options)
 

@@ -10,14 +10,17 @@ from __future__ import annotations
 import inspect
 import sys
 from collections.abc import Iterable, Iterator, Mapping
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from engines.choices import Choice
 from engines.errors import ConfigError
 from engines.interface import Engine
 from engines.registry import load_attribute
 from engines.source_files import INSTALLED, OWN, code_files, digest, own_engine_files
 from harness.hashing import digest as data_digest
+from harness.settings import code_of
 
 
 def engine_code(engine: Engine, name: str) -> str:
@@ -40,8 +43,22 @@ def environment_of(engine: Engine) -> dict[str, str]:
 
 def plugin_codes(settings: Mapping[str, Any]) -> dict[str, str]:
     """Hashes of the code of plugins, `module:attribute`, among a cell's choices: a changed file is another request."""
-    names = [value["name"] for value in settings.values() if isinstance(value, Mapping)]
-    return {name: plugin_code(load_attribute(name), name) for name in names if ":" in name}
+    chosen = [Choice.of(value) for value in settings.values() if isinstance(value, Mapping)]
+    return {name: _code_at(name, given) for given in chosen for name in code_of(given)}
+
+
+def _code_at(name: str, given: Choice) -> str:
+    """The hash of the code of a choice's plugin; what the choice's engine imports is not imported here."""
+    if name == given.name:
+        return plugin_code(load_attribute(name), name)
+    module = name.partition(":")[0]
+    try:
+        found = find_spec(module)
+    except (ImportError, ValueError) as error:
+        raise ConfigError(f"{name}: cannot be found: {error}") from error
+    if found is None or not found.origin:
+        raise ConfigError(f"{name}: there is no module {module} beside the file that names it or in the working directory")
+    return digest(code_files([Path(found.origin)]))
 
 
 def plugin_code(plugin: Any, name: str) -> str:

@@ -7,7 +7,7 @@ from typing import Any, get_args
 
 import numpy as np
 
-from engines.errors import Unsupported
+from engines.errors import ConfigError, Unsupported
 from engines.interface import Settings, Table
 from engines.kernels.flatten.lights import ROWS, plugin_parameters
 from engines.kernels.flatten.materials import KINDS
@@ -58,6 +58,7 @@ def _lacking(scene: Scene, settings: Settings, engine: str) -> str | None:
     for part, function in _plugins(settings).items():
         if function is None:
             return f"the {part} {getattr(settings, part).name!r} has no `jitted` function, which the engine {engine} needs"
+        _require_numbers(part, getattr(settings, part), engine)
     given: Any = settings.shader
     if given.plugin is not None and (count := len(option_numbers(given.options))) > SHADER_OPTIONS:
         return f"the options of {given.name!r} are {count} numbers, of which the engine {engine} takes {SHADER_OPTIONS}"
@@ -69,6 +70,16 @@ def _lacking(scene: Scene, settings: Settings, engine: str) -> str | None:
     if sum(isinstance(light, EnvironmentLight) for light in scene.lights) > 1:
         return f"the scene has several environments, of which the engine {engine} renders one"
     return None
+
+
+def _require_numbers(part: str, given: Any, engine: str) -> None:
+    """Refuses options of a plugin that its jitted function cannot be given."""
+    for key, value in given.options.items():
+        try:
+            option_numbers({key: value})
+        except (TypeError, ValueError):
+            message = f"{part} {given.name}.{key} = {value!r}: a number is expected, as the engine {engine} takes no others"
+            raise ConfigError(message) from None
 
 
 def _numbers_of_plugins(scene: Scene) -> Iterator[tuple[Any, int, int]]:

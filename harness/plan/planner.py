@@ -160,7 +160,7 @@ class _Known:
     """Every engine and scene that the experiment names, loaded once."""
 
     def __init__(self, experiment: Experiment, allow_imports: bool, allow_commands: bool, allow_outside: bool) -> None:
-        self.allow_imports, self.allow_outside = allow_imports, allow_outside
+        self.allow_imports, self.allow_outside, self._source = allow_imports, allow_outside, experiment.source
         names = dict.fromkeys(combination.engine for combination in experiment.combinations)
         self.engines: dict[str, Engine] = {}
         reference = experiment.reference
@@ -201,10 +201,17 @@ class _Known:
                 self.candidates[name] = None
         return self.candidates[name]
 
+    def completed(self, kind: str, given: Choice) -> Choice:
+        """A choice with all options of the plugin that it names. Raises `ConfigError` with the experiment's file."""
+        try:
+            return completed(kind, given, self.allow_imports)
+        except RaybenchError as error:
+            raise ConfigError(f"{self._source}: {error}") from error
+
     def accelerator(self, name: str, given: Choice) -> tuple[Choice, str | None]:
         """The accelerator with its options, and why the engine has none such. Unknown to all engines is an error."""
         if ":" in given.name:
-            return completed("accelerator", given, self.allow_imports), None
+            return self.completed("accelerator", given), None
         if answers.resolves(self.engines[name], given):
             return answers.resolved(self.engines[name], given), None
         if any(answers.resolves(other, given) for other in self.engines.values()):
@@ -225,8 +232,8 @@ def _configured(experiment: Experiment, combination: Combination, known: _Known)
     width, height = combination.resolution or scene.camera.resolution
     memory.require(BYTES_A_PIXEL * width * height, f"{experiment.source} resolution: a cell of {width}x{height} pixels")
     settings = CellSettings(
-        shader=completed("shader", combination.shader, known.allow_imports),
-        sampler=completed("sampler", combination.sampler, known.allow_imports),
+        shader=known.completed("shader", combination.shader),
+        sampler=known.completed("sampler", combination.sampler),
         accelerator=accelerator,
         precision=combination.precision or "float64",
         threads=combination.threads,
@@ -353,7 +360,7 @@ def _reference_by(
         precision=given.precision or "float64",
         threads=1,
         sampler=given.sampler,
-        shader=completed("shader", given.shader or settings.shader, known.allow_imports),
+        shader=known.completed("shader", given.shader or settings.shader),
         accelerator=answers.resolved(engine, given.accelerator),
     )
     if given.precision is None:

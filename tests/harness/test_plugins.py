@@ -16,6 +16,7 @@ from harness.settings import CellSettings, completed, engine_settings, plugin_or
 from tests.harness import sweeping
 
 CODE = '''
+CODE = "text"
 import numpy as np
 
 from engines import choices
@@ -34,6 +35,15 @@ fixed = Sampler("fixed", numpy=draws, options={"value": 0.25}, smooth=True)
 
 def made(strength=0.5, depth=3):
     return Shader("made", numpy=shown, options={"strength": strength})
+
+class Fog:
+    """Its options are the class's own."""
+
+    name, options, lights, jitted = "fog", {"density": 0.5}, "one", None
+
+    numpy = staticmethod(lambda context, origins, *_: np.full(origins.shape, context.options["density"]))
+
+text = Shader("text", jitted=shown, options={"mode": "fast"})
 
 class Grid:
     name = "grid"
@@ -147,6 +157,28 @@ def test_options_reach_shader_and_sampler(folder, value, grey):
     assert np.allclose(film.mean(), grey)
 
 
+def test_options_of_a_class_without_arguments_are_its_own(folder):
+    place, name = folder
+    sys.path.insert(0, str(place))
+    assert completed("shader", Choice(f"{name}:Fog"), True).options == {"density": 0.5}
+    settings = engines.Settings(shader=plugin_or_choice("shader", Choice(f"{name}:Fog", {"density": 3.0}), True))
+    scene = engines.load_scene(place / "empty.yaml")
+    assert np.allclose(engines.engine("numpy").prepare(scene, settings).render(1).mean(), 3.0)
+
+
+def test_options_that_are_no_numbers_are_refused_by_jitted_engines(folder):
+    place, name = folder
+    scene = engines.load_scene(place / "empty.yaml")
+    settings = engines.Settings(shader=imported(f"{name}:text", place))
+    with pytest.raises(ConfigError, match=r"shader text.mode = 'fast': a number is expected"):
+        engines.engine("numba").why_not(scene, settings)
+
+
+def test_an_option_that_a_plugin_lacks_is_refused_with_the_experiments_file(folder):
+    with pytest.raises(ConfigError, match=r"mine.yaml: unknown option of shader 'guided' 'strenth': did you mean 'strength'"):
+        planned(folder, 'shader: [{name: "mine:guided", strenth: 1}]', "engine: numpy")
+
+
 def test_options_reach_an_accelerator(folder):
     place, name = folder
     sys.path.insert(0, str(place))
@@ -174,6 +206,8 @@ def test_in_python_a_plugin_is_the_name_of_a_mapping(folder):
         ({"name": "mine:Grid"}, ConfigError, "mine:Grid': the option 'cells' is missing"),
         ({"name": "mine:Renderer", "film": 1, "cells": 2, "more": 3}, UnknownName, "'more': known: cells, film"),
         ({"name": "mine:shown", "context": 1}, ConfigError, "the option 'origins' is missing"),
+        ({"name": "mine:Fog", "densty": 1}, UnknownName, "option of shader 'fog' 'densty': did you mean 'density'?"),
+        ({"name": "mine:CODE"}, ConfigError, "mine:CODE: is of type str: an object with a `name` is expected"),
     ],
 )
 def test_options_that_a_plugin_lacks_are_refused_with_those_that_it_has(folder, given, error, message):

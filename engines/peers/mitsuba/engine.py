@@ -10,13 +10,14 @@ from engines.choices import SHADERS, Choice, OpenOptions, Option, integer, one_o
 from engines.errors import Unsupported, why_unsupported
 from engines.interface import FullPattern, Renderer, Settings
 from engines.peers.adapters import version_with
-from engines.peers.mitsuba import blends, library
+from engines.peers.mitsuba import blends, library, plugins
 from engines.peers.mitsuba.albedo import albedo_lacks
 from engines.peers.mitsuba.bsdfs import bsdf_node
 from engines.peers.mitsuba.description import scene_lacks
-from engines.peers.mitsuba.native import file_lacks, require_integrator
+from engines.peers.mitsuba.native import file_lacks, require_plugin
 from engines.peers.mitsuba.nodes import Placing
 from engines.peers.mitsuba.patterns import LARGEST, USUAL, full_pattern
+from engines.peers.mitsuba.scalar import renders_images
 from engines.peers.mitsuba.textures import Textures
 from engines.scene import Camera, Mask, Null, Principled, Scene, ThinLens
 from engines.scene.bsdf_tree import members, tilts_null_lobes
@@ -30,22 +31,31 @@ def _count_or_none(value: Any) -> str | None:
     return None if value is None or wrong is None else f"{wrong}, or null"
 
 
-def _is_word(value: Any) -> bool:
-    return isinstance(value, str) and value.isascii() and value.isidentifier()
+def _word(value: Any) -> str | None:
+    return None if isinstance(value, str) and value.isascii() and value.isidentifier() else "a plugin's name"
 
 
 _MEANING = f"samples per pixel in a pattern, rounded up; null: as many as a checkpoint wants, {USUAL} outside an experiment"
+_PLUGIN = Option(
+    None,
+    "module:function that registers plugins of your own with Mitsuba",
+    lambda value: None if value is None or (isinstance(value, str) and ":" in value) else "module:function, or null",
+)
 _PATTERN = {"sample_count": Option(None, _MEANING, _count_or_none)}
 SAMPLERS: dict[str, dict[str, Option]] = {
     "independent": {},
     "multijitter": _PATTERN,
     "orthogonal": _PATTERN,
     "ldsampler": _PATTERN,
+    "mitsuba": OpenOptions(
+        {"type": Option("independent", "name of the sampler's plugin", _word), "plugin": _PLUGIN, **_PATTERN}
+    ),
 }
-"""Mitsuba's own, beside those of raybench that it has too: `random` (its independent) and `stratified`."""
+"""Mitsuba's own, beside those of raybench that it has too: `random` (its independent) and `stratified`. `mitsuba` is one of the
+user's, with its own properties."""
 ANY = "of surfaces at the same distance Embree returns any"
-_INTEGRATOR = Option("path", "name of the integrator's plugin", lambda value: None if _is_word(value) else "a plugin's name")
-OWN_SHADERS: dict[str, dict[str, Option]] = {"mitsuba": OpenOptions({"type": _INTEGRATOR})}
+_INTEGRATOR = Option("path", "name of the integrator's plugin", _word)
+OWN_SHADERS: dict[str, dict[str, Option]] = {"mitsuba": OpenOptions({"type": _INTEGRATOR, "plugin": _PLUGIN})}
 """Mitsuba's integrators: `type` and their own properties, such as max_depth."""
 NOT_PROMISED = {"ties_go_to_the_lower_index": ANY, "ties_of_spheres_go_to_the_lower_shape": ANY}
 
@@ -100,10 +110,13 @@ class Engine:
         """The settings with every choice resolved; raises `Unsupported` for what is lacking."""
         chosen = settings.resolved(ACCELERATORS, "float32", {**SHADERS, **OWN_SHADERS}, {**KNOWN_SAMPLERS, **SAMPLERS})
         reason = self._settings_lack(chosen) or self._scene_lacks(scene, chosen.shader) or library.lacking(self.variant)
+        own = plugins.named(chosen)
+        if reason is None and chosen.sampler.name == "mitsuba":
+            require_plugin("Sampler", chosen.sampler.options, self.variant, own)
         if reason is None and chosen.shader.name == "mitsuba":
-            reason = self._integrator_lacks(chosen.shader.options)
+            reason = self._integrator_lacks(chosen, own)
         if reason is None and scene.native is not None:
-            reason = file_lacks(scene)
+            reason = file_lacks(scene, self.variant, own) if own else file_lacks(scene)
         if reason is not None:
             raise Unsupported(reason)
         return chosen
@@ -120,10 +133,15 @@ class Engine:
             lacks = _depth_lacks(scene.camera) if shader == "depth_map" else _blends_lack(scene) if shader != "albedo" else None
         return lacks
 
-    def _integrator_lacks(self, options: Mapping[str, Any]) -> str | None:
-        if require_integrator(options) or self.variant == library.SCALAR:
+    def _integrator_lacks(self, chosen: Settings, own: tuple[str, ...]) -> str | None:
+        made = require_plugin("Integrator", chosen.shader.options, self.variant, own)
+        if self.variant == library.SCALAR or chosen.sampler.name in ("random", "independent"):
             return None
-        return f"Mitsuba's {options['type']} traces no single paths from the camera: the engine mitsuba_scalar has it"
+        with library.active(self.variant, 1):
+            mi, _ = library.modules()
+            images = renders_images(mi, made)
+        kind = chosen.shader.options["type"]
+        return f"Mitsuba's {kind} renders whole images, which raybench gives independent samples only" if images else None
 
     def _settings_lack(self, chosen: Settings) -> str | None:
         shader, sampler = chosen.shader, chosen.sampler

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from engines.errors import ConfigError
+from engines.peers.mitsuba import plugins
 from engines.peers.mitsuba.library import SCALAR, activate, active
 from engines.peers.mitsuba.nodes import Node
 from engines.scene import Scene
@@ -78,8 +79,7 @@ def _replace_sensor(mi: Any, state: Any, size: tuple[int, int], sampler: Node) -
             del state.nodes[first].props[name]
     film = _append(mi, state, kinds.Film, "hdrfilm", {"width": size[0], "height": size[1], **_FILM})
     filtered = _append(mi, state, kinds.ReconstructionFilter, "box", {})
-    count = {"sample_count": sampler["sample_count"]}
-    drawn = _append(mi, state, kinds.Sampler, sampler["type"], count)
+    drawn = _append(mi, state, kinds.Sampler, sampler["type"], {key: sampler[key] for key in sampler if key != "type"})
     reference = mi.Properties.ResolvedReference
     state.nodes[film].props["raybench_filter"] = reference(filtered)
     state.nodes[first].props["raybench_film"] = reference(film)
@@ -133,40 +133,41 @@ def _same(path: Path, known: frozenset[Path]) -> Path:
     return file
 
 
-_answers: dict[str, str | None] = {}
+_answers: dict[tuple[str, str, tuple[str, ...]], str | None] = {}
 
 
-def file_lacks(scene: Scene) -> str | None:
-    """Why Mitsuba does not load the file that a scene came from, in its own words, or None. Asked once of each content."""
-    digest = scene.native.digest
-    if digest not in _answers:
-        with active(SCALAR, LOADING_THREADS):
-            mi, _ = activate(SCALAR, LOADING_THREADS)
+def file_lacks(scene: Scene, variant: str = SCALAR, own: tuple[str, ...] = ()) -> str | None:
+    """Why Mitsuba does not load the file that a scene came from, in its own words, or None. Asked once of each content.
+
+    `own` are the plugins of the user's that it may need, see `plugins.register`, in the variant that they are for.
+    """
+    asked = scene.native.digest, variant, own
+    if asked not in _answers:
+        with active(variant, LOADING_THREADS):
+            plugins.register(own, variant, LOADING_THREADS)
+            mi, _ = activate(variant, LOADING_THREADS)
             try:
                 load(mi, scene, (16, 16), {"type": "independent", "sample_count": 1}, robust=True)
-                _answers[digest] = None
+                _answers[asked] = None
             except Exception as problem:
-                _answers[digest] = f"Mitsuba does not load {scene.source}: {one_line(problem)}"
-    return _answers[digest]
+                _answers[asked] = f"Mitsuba does not load {scene.source}: {one_line(problem)}"
+    return _answers[asked]
 
 
-def integrator_node(options: Any) -> Node:
-    """Mitsuba's integrator of a shader `mitsuba`: its options are the plugin's properties."""
-    return {key: value for key, value in options.items() if value is not None}
-
-
-def require_integrator(options: Any) -> bool:
-    """Whether such an integrator estimates the radiance along single rays. Raises `ConfigError` in Mitsuba's words where it
-    makes none."""
-    with active(SCALAR, 1):
-        mi, _ = activate(SCALAR, 1)
+def require_plugin(kind: str, options: Any, variant: str, own: tuple[str, ...] = ()) -> Any:
+    """The integrator or sampler, by `kind`, of a shader or sampler `mitsuba`, in a variant with plugins `own`. Raises
+    `ConfigError` in Mitsuba's words where it makes none."""
+    setting = {"Integrator": "shader", "Sampler": "sampler"}[kind]
+    with active(variant, 1):
+        plugins.register(own, variant, 1)
+        mi, _ = activate(variant, 1)
         try:
-            made = mi.load_dict(integrator_node(options))
+            made = mi.load_dict(plugins.node(options))
         except Exception as problem:
-            raise ConfigError(f"shader mitsuba: {one_line(problem)}") from problem
-        if not isinstance(made, mi.Integrator):
-            raise ConfigError(f"shader mitsuba.type = {options['type']!r}: is no integrator of Mitsuba's")
-        return isinstance(made, mi.SamplingIntegrator)
+            raise ConfigError(f"{setting} mitsuba: {one_line(problem)}") from problem
+        if not isinstance(made, getattr(mi, kind)):
+            raise ConfigError(f"{setting} mitsuba.type = {options['type']!r}: is no {kind.lower()} of Mitsuba's")
+        return made
 
 
 def one_line(problem: BaseException) -> str:

@@ -54,5 +54,7 @@ ROUNDED: dict[str, Callable[[int], int]] = {
     "ldsampler": _power_of_four,
     "multijitter": _rectangle,
     "orthogonal": _square_of_a_prime,
+    "mitsuba": int,
 }
-"""Samples in a pattern for a requested count. Mitsuba's `stratified` takes any square, raybench's `strata` a power of four."""
+"""Samples in a pattern for a requested count. Mitsuba's `stratified` takes any square, raybench's `strata` a power of four; a
+sampler `mitsuba`, of any type, must keep to the count."""

@@ -15,11 +15,11 @@ from engines.concurrency import CallGuard
 from engines.errors import Unsupported
 from engines.film import Film
 from engines.interface import Hits, OnPass, Settings
-from engines.peers.mitsuba import rays
+from engines.peers.mitsuba import plugins, rays
 from engines.peers.mitsuba.description import scene_lacks
 from engines.peers.mitsuba.library import LLVM, active
-from engines.peers.mitsuba.scalar import Passes
-from engines.peers.mitsuba.stage import staged
+from engines.peers.mitsuba.scalar import Passes, renders_images
+from engines.peers.mitsuba.stage import Stage, staged
 from engines.peers.mitsuba.wavefront import Wavefront
 from engines.scene import Camera, Scene, Shape
 
@@ -40,9 +40,14 @@ class Renderer:
         begin = perf_counter()
         with self._active():
             stage = staged(scene, self.settings, self._variant)
-            self._passes = Wavefront(stage) if self._variant == LLVM else Passes(stage)
+            waves = self._variant == LLVM and not self._renders_images(stage)
+            self._passes = Wavefront(stage) if waves else Passes(stage)
         self._scene, self._stage = scene, stage
         self._build_seconds = perf_counter() - begin
+
+    def _renders_images(self, stage: Stage) -> bool:
+        shader = self.settings.shader
+        return shader.name == "mitsuba" and renders_images(stage.mi, stage.mi.load_dict(plugins.node(shader.options)))
 
     def warm_up(self) -> None:
         """Records the kernel of `render` and compiles it, or finds it in Dr.Jit's cache."""

@@ -1,4 +1,5 @@
-"""Passes of the scalar variant: Mitsuba renders one sample per pixel, on its own threads, into its own film."""
+"""Passes that Mitsuba renders into its own film: those of the scalar variant, of one sample per pixel on its own threads, and
+in the other variant those of integrators that do not estimate the radiance along single rays."""
 
 from __future__ import annotations
 
@@ -8,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.film import Film
-from engines.peers.mitsuba.native import integrator_node
+from engines.peers.mitsuba import plugins
+from engines.peers.mitsuba.library import LLVM
 from engines.peers.mitsuba.shaders import path_node
 from engines.peers.mitsuba.stage import Stage, far_corner
 from engines.peers.mitsuba.streams import seed_of
@@ -17,14 +19,26 @@ BLOCK = 16
 """Pixels a side of Mitsuba's blocks. Fixed: its seeds depend on the block, and by default the block on the threads."""
 
 
+MOST_LANES = 1 << 26
+"""Samples in a pass of the JIT-compiled variant, where a pixel needs no more."""
+
+
+def renders_images(mi: Any, integrator: Any) -> bool:
+    """Whether an integrator only renders whole images: it has no radiance along single rays, or a `render` in Python."""
+    classes = type(integrator).__mro__
+    own = any("render" in made.__dict__ for made in classes if made.__module__.partition(".")[0] != "mitsuba")
+    return own or not isinstance(integrator, mi.SamplingIntegrator)
+
+
 class Passes:
-    """Passes of one sample per pixel; each has a seed of its own."""
+    """Passes of one sample per pixel, in the JIT-compiled variant of several; each has a seed of its own."""
 
     def __init__(self, stage: Stage) -> None:
         self._stage = stage
         self._kind = stage.settings.shader.name
         self._integrator = stage.mi.load_dict(self._node())
-        if isinstance(self._integrator, stage.mi.SamplingIntegrator):
+        self._several = stage.mi.variant() == LLVM
+        if not self._several and isinstance(self._integrator, stage.mi.SamplingIntegrator):
             self._integrator = stage.mi.load_dict({**self._node(), "block_size": BLOCK})
         self.restart()
 
@@ -33,7 +47,7 @@ class Passes:
         if self._kind == "path_tracer":
             return path_node(options)
         if self._kind == "mitsuba":
-            return integrator_node(options)
+            return plugins.node(options)
         return {"type": "aov", "aovs": "a:albedo" if self._kind == "albedo" else "t:depth,p:position"}
 
     def restart(self) -> None:
@@ -44,21 +58,27 @@ class Passes:
 
     def step(self, left: int, seen: bool) -> int:
         """Samples per pixel after which `stop` is heard."""
-        return 1
+        width, height = self._stage.size
+        return min(left, max(1, MOST_LANES // (width * height))) if self._several and not seen else 1
 
     def compile(self) -> None:
-        """There is nothing to compile."""
+        """Nothing in the scalar variant. In the other what an integrator compiles follows from what it renders: once an image
+        of one sample per pixel, by an integrator made for it."""
+        if self._several:
+            np.array(self._stage.mi.load_dict(self._node()).render(self._stage.loaded, self._stage.camera, seed=0, spp=1))
 
     def render(self, samples: int) -> bool:
         """Adds samples to every pixel; False where `cancel` ended one, which then does not count."""
-        for _ in range(samples):
+        count = samples if self._several else 1
+        for _ in range(samples // count):
             self._cancelled = False
             seed = seed_of(self._stage.settings.seed, self.done)
-            developed = self._integrator.render(self._stage.loaded, self._stage.camera, seed=seed, spp=1)
+            developed = self._integrator.render(self._stage.loaded, self._stage.camera, seed=seed, spp=count)
+            image = np.array(developed, np.float64)
             if self._cancelled:
                 return False
-            self._film.add(self._colours(np.array(developed, np.float64)))
-            self.done += 1
+            self._film.add_mean(self._colours(image), count)
+            self.done += count
         return True
 
     def cancel(self) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from engines.peers.mitsuba.native import integrator_node
+from engines.peers.mitsuba import plugins
 from engines.peers.mitsuba.stage import Stage, far_corner, listed_emitters
 
 Radiance = Callable[[Any, Any, Any], Any]
@@ -30,16 +30,30 @@ def path_tracer(stage: Stage) -> Radiance:
 
 def mitsuba(stage: Stage) -> Radiance:
     """An integrator of Mitsuba's, by the name of its plugin."""
-    return _integrated(stage, integrator_node(stage.settings.shader.options))
+    return _integrated(stage, plugins.node(stage.settings.shader.options))
 
 
 def _integrated(stage: Stage, node: Any) -> Radiance:
-    integrator, medium = stage.mi.load_dict(node), stage.camera.get_medium()
+    mi, dr, integrator, medium = stage.mi, stage.dr, stage.mi.load_dict(node), stage.camera.get_medium()
 
     def radiance(sampler: Any, ray: Any, active: Any) -> Any:
         return integrator.sample(stage.loaded, sampler, ray, medium, active)[0]
 
-    return radiance
+    def primal(sampler: Any, ray: Any, active: Any) -> Any:
+        with dr.suspend_grad():
+            return integrator.sample(
+                mode=dr.ADMode.Primal,
+                scene=stage.loaded,
+                sampler=sampler,
+                ray=ray,
+                depth=mi.UInt32(0),
+                δL=None,
+                δaovs=None,
+                state_in=None,
+                active=active,
+            )[0]
+
+    return primal if isinstance(integrator, mi.CppADIntegrator) else radiance
 
 
 def whitted(stage: Stage) -> Radiance:

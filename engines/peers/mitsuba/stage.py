@@ -9,7 +9,7 @@ import numpy as np
 
 from engines.interface import Settings
 from engines.peers.adapters.geometry import extent
-from engines.peers.mitsuba import blends, native
+from engines.peers.mitsuba import blends, native, plugins
 from engines.peers.mitsuba.albedo import painted
 from engines.peers.mitsuba.cameras import sensor
 from engines.peers.mitsuba.description import Description, described
@@ -48,6 +48,7 @@ def staged(scene: Scene, settings: Settings, variant: str) -> Stage:
     Meshes stay apart, so that a hit can be told from another; uniting them, as Mitsuba does by default, gains nothing
     measurable on cornell_box.
     """
+    plugins.register(plugins.named(settings), variant, settings.threads)
     mi, dr = activate(variant, settings.threads)
     width, height = settings.size(scene)
     if scene.native is not None:
@@ -98,6 +99,8 @@ def sampler_node(settings: Settings) -> dict[str, Any]:
     name, options = settings.sampler.name, settings.sampler.options
     if name == "random":
         name = "independent"
+    if name == "mitsuba":
+        return {"sample_count": USUAL, **plugins.node(options)}
     count = options.get("strata", options.get("sample_count"))
     return {"type": name, "sample_count": count or (1 if name == "independent" else USUAL)}
 
