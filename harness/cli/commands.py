@@ -328,6 +328,7 @@ def equivalence(
 
 command(CHECKS)(rays.trace)
 command(EXPERIMENTS)(paper.figure)
+command(EXPERIMENTS)(paper.table)
 command(FILES)(conversion.export)
 command(FILES, name="import")(conversion.import_)
 
