@@ -24,8 +24,8 @@ INTERVAL = "geometric mean over seeds, in brackets its 95 % interval"
 
 
 class Asked(NamedTuple):
-    """`value` is ratio, seconds, error or spp; `rows` and `columns` are names of settings, `where` the values that other settings
-    must have. `moment` is None for a value at a target."""
+    """`value` is ratio, seconds, error or spp; `rows` and `columns` are names of settings, `where` the values that others must
+    have. `moment` is None for a value at a target."""
 
     value: str
     rows: str = "scene"
