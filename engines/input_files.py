@@ -9,7 +9,11 @@ import errno
 import io
 import os
 import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from os import PathLike
+from pathlib import Path
 from typing import BinaryIO
 
 FilePath = str | PathLike[str]
@@ -21,6 +25,19 @@ _KINDS = {
     stat.S_IFCHR: "a device",
     stat.S_IFBLK: "a device",
 }
+
+
+_OPENED: ContextVar[list[Path] | None] = ContextVar("opened", default=None)
+
+
+@contextmanager
+def files_opened() -> Iterator[list[Path]]:
+    """The files that `open_regular` opens inside the block, in order, links followed."""
+    token = _OPENED.set(found := [])
+    try:
+        yield found
+    finally:
+        _OPENED.reset(token)
 
 
 class NotRegularFile(OSError):
@@ -41,6 +58,8 @@ def open_regular(path: FilePath) -> BinaryIO:
     except OSError:
         raw.close()
         raise
+    if (opened := _OPENED.get()) is not None:
+        opened.append(Path(os.fsdecode(path)).resolve())
     return _RegularFile(raw)
 
 

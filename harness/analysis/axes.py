@@ -32,6 +32,11 @@ def unlabelled(settings: Settings) -> Settings:
     return replace(settings, label="")
 
 
+def matching(settings: Settings) -> Settings:
+    """What has to be equal for contestants of two results folders to be the same."""
+    return replace(settings, machine="", division="closed")
+
+
 def families(contestants: Iterable[Contestant], *axes: str) -> list[list[Contestant]]:
     """Contestants in groups whose members differ in `axes` alone, in the order in which they come."""
     groups: dict[tuple[Any, ...], list[Contestant]] = {}

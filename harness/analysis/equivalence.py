@@ -136,6 +136,20 @@ def _least_variance(reference: Reference | None, shape: tuple[int, ...], samples
     return expected_variance(reference, samples[0]) + expected_variance(reference, samples[1])
 
 
+def same_images(before: Results, one: Contestant, after: Results, other: Contestant, comparisons: int) -> Equivalence | None:
+    """The images of a contestant in two results folders at equal samples, in pairs of one block, as one of so many comparisons;
+    None without two pairs."""
+    spp = common_spp(one, other, pictured=True)
+    if spp is None:
+        return None
+    ours, theirs = Replicates(before, keep=1).of(one, spp), Replicates(after, keep=1).of(other, spp)
+    shared = sorted(ours.keys() & theirs.keys())
+    if len(shared) < 2 or ours[shared[0]].shape != theirs[shared[0]].shape:
+        return None
+    pairs = [ours[block] for block in shared], [theirs[block] for block in shared]
+    return equivalence(*pairs, after.config.equivalence.margins, shared_alpha(comparisons))
+
+
 Known = Mapping[tuple[Settings, Settings], Comparison]
 
 

@@ -15,7 +15,7 @@ from typing import Annotated, Any
 
 import typer
 
-from harness.cli import conversion, images, paper, rays
+from harness.cli import conversion, images, paper, rays, replay
 from harness.cli.comparing import SeveralFolders, compare
 from harness.cli.options import (
     DEFAULT_ENGINE,
@@ -236,12 +236,17 @@ def archive(
     images: Annotated[
         int, typer.Option(min=0, help="Images of a scene and shader: that many at the end, as many at equal time.")
     ] = 2,
+    author: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="An author, as 'Kajiya, James'; may be repeated. By default none.")
+    ] = None,
+    licence: Annotated[str, typer.Option("--license", metavar="SPDX", help="Licence of the measurements, as CC-BY-4.0.")] = "",
+    scenes: Annotated[bool, typer.Option(help="Include the files of scenes that do not come with raybench.")] = True,
     references: References = None,
 ) -> None:
-    """Copy results into a small folder of their own, to commit or to attach: few images, references included."""
+    """Copy results into a small folder for reviewers: few images, references, scenes, and how to replay and cite them."""
     from harness.cli import results
 
-    results.archive(folder, out, images)
+    results.archive(folder, out, images, author or (), licence, scenes)
 
 
 @command(RESULTS)
@@ -330,6 +335,8 @@ def equivalence(
 
 command(CHECKS)(rays.trace)
 command(EXPERIMENTS)(paper.figure)
+command(EXPERIMENTS)(paper.table)
+command(EXPERIMENTS)(replay.replay)
 command(FILES)(conversion.export)
 command(FILES, name="import")(conversion.import_)
 

@@ -1,4 +1,4 @@
-"""The command `raybench figure`: what a paper shows of a results folder."""
+"""The commands `raybench figure` and `raybench table`: what a paper shows of a results folder."""
 
 from __future__ import annotations
 
@@ -7,13 +7,17 @@ from typing import Annotated, Optional
 
 import typer
 
-from harness.cli.options import Folder, choices
+from engines.errors import UnknownName
+from harness.cli.options import Folder, choices, words
+
+VALUES = ("ratio", "seconds", "error", "spp")
+"""What the cells of a table can hold."""
 
 
 def figure(
     folder: Folder,
     scene: Annotated[str, typer.Option(metavar="SCENE", help="The scene to show.")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="The file: .pdf, .png or .svg.")],
+    output: Annotated[Path, typer.Option("-o", "--out", "--output", help="The file: .pdf, .png or .svg.")],
     crops: Annotated[
         Optional[list[str]],  # noqa: UP045
         typer.Option(metavar="X,Y,W,H", help="A crop in pixels; may be repeated. By default two squares of high contrast."),
@@ -41,6 +45,7 @@ def figure(
     from harness.cli.results import require_results
     from harness.console import consoles
     from harness.report import comparison_figure as made
+    from harness.report.moments import moment_of
     from harness.report.plots.figures import save, style
     from harness.store.results import load_results
 
@@ -49,7 +54,7 @@ def figure(
         check_folder(exr, "--exr")
     require_results(folder)
     results = load_results(folder)
-    taken = made.taken_images(results, scene, made.moment_of(at), contestants or [])
+    taken = made.taken_images(results, scene, moment_of(at), contestants or [])
     reference = made.reference_of(results, taken)
     parts = [made.crop_of(text) for text in crops or []] or made.chosen_crops(reference.mean)
     with style():
@@ -62,3 +67,65 @@ def figure(
     if exr is not None:
         exr.mkdir(exist_ok=True)
         console.print(f"{len(made.write_crops(exr, taken, reference, parts))} crops in {exr}", soft_wrap=True)
+
+
+def table(
+    folder: Folder,
+    value: Annotated[str, typer.Option(metavar="|".join(VALUES), help="What the cells hold.", autocompletion=words(*VALUES))],
+    rows: Annotated[str, typer.Option(metavar="SETTING", help="A setting, as sampler or light_sampler.")] = "scene",
+    columns: Annotated[
+        str, typer.Option(metavar="SETTING", help="Another one; target and size are settings, too.")
+    ] = "contestant",
+    target: Annotated[
+        Optional[float],  # noqa: UP045
+        typer.Option(metavar="ERROR", help="Seconds, samples or ratio until this target.", show_default="the run's only one"),
+    ] = None,
+    at: Annotated[
+        Optional[str],  # noqa: UP045
+        typer.Option(metavar="2s|64spp|last", help="Values after a time, at a number of samples, or at the end."),
+    ] = None,
+    where: Annotated[
+        Optional[list[str]],  # noqa: UP045
+        typer.Option(metavar="SETTING=VALUE", help="Only contestants that have this setting; may be repeated."),
+    ] = None,
+    form: Annotated[
+        Optional[str],  # noqa: UP045
+        typer.Option(
+            "--format",
+            metavar="latex|markdown|csv|html",
+            help="Format of the table.",
+            show_default="by the file's suffix, else markdown",
+            autocompletion=words("latex", "markdown", "csv", "html"),
+        ),
+    ] = None,
+    output: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option("-o", "--out", "--output", help="The file: .tex, .md, .csv or .html.", show_default="standard output"),
+    ] = None,
+) -> None:
+    """Print a table for a paper: a value with any two settings as rows and columns, with intervals."""
+    from harness.analysis import analyse
+    from harness.cli.outputs import check_file
+    from harness.cli.results import require_results
+    from harness.console import consoles
+    from harness.report import paper_table as made
+    from harness.report.moments import moment_of
+    from harness.store.atomic import write_text
+    from harness.store.results import load_results
+
+    suffix = "" if output is None else check_file(output, made.SUFFIXES if form is None else [output.suffix.lower()])
+    form = form or made.SUFFIXES.get(suffix, "markdown")
+    if form not in made.FORMATS:
+        raise UnknownName("format", form, made.FORMATS)
+    if value not in VALUES:
+        raise UnknownName("value", value, VALUES)
+    asked = made.Asked(value, rows, columns, made.conditions(where or (), target), None if at is None else moment_of(at))
+    require_results(folder)
+    found = made.paper_table(analyse(load_results(folder)), asked)
+    text = made.FORMATS[form](found)
+    if output is None:
+        typer.echo(text, nl=False)
+    else:
+        write_text(output, text)
+        consoles()[0].print(f"Table: {output}", soft_wrap=True)
+        consoles()[0].print(found.note, markup=False, soft_wrap=True)

@@ -112,14 +112,17 @@ def merge(folders: Sequence[Path], out: Path) -> None:
     console.print(f"Report: {out / 'report.html'}", soft_wrap=True)
 
 
-def archive(folder: Path, out: Path, images: int) -> None:
+def archive(folder: Path, out: Path, images: int, authors: Sequence[str], licence: str, scenes: bool) -> None:
     """Writes a small copy of a results folder, and its report."""
     from harness.report.archive import archive as archived
+    from harness.report.supplement import Published
 
     require_results(folder)
     with store.locked(out):
-        size = archived(folder, out, images)
+        size, missing = archived(folder, out, images, Published(authors, licence, scenes))
         write_derived(out)
+    for sentence in missing:
+        consoles()[1].print(sentence, markup=False, soft_wrap=True)
     consoles()[0].print(f"{size / 1e6:.1f} MB besides what `raybench report {out}` makes again.", soft_wrap=True)
 
 

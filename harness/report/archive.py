@@ -1,5 +1,7 @@
 """A copy of results small enough to be committed or attached to a paper, from which the report can be made again.
 
+Beside results it holds what `supplement` writes: the experiment, its scenes, how to replay it and citation metadata.
+
 It keeps the first images that a report shows of a scene and shader (`MOST_IMAGES`), as precise as it shows them; what was
 concluded from all of them, as an event; of the events what still counts, with numbers to six digits, compressed; and the
 references to three digits, in a folder of their own. Of absolute paths (in commands, messages, scenes from elsewhere) the
@@ -20,6 +22,7 @@ from engines.image import read_image, write_image
 from harness import store
 from harness.analysis import Analysis, analyse, archived_verdicts, calibration
 from harness.report.html.pictures import rounded, shown_images
+from harness.report.supplement import UNSIGNED, Published, clear_supplement, write_supplement
 from harness.store import confined, reference_files
 from harness.store.records import (
     AnyEvent,
@@ -45,29 +48,35 @@ FOLDERS = re.compile(r"""(?<![\w./~])/(?:[^\s/'"]+/)+""")
 """The folders of an absolute path."""
 
 
-def archive(folder: Path, out: Path, most_images: int = MOST_IMAGES) -> int:
-    """Writes the archive into `out`, where it replaces another one; its bytes, without what `report` makes again.
+def archive(folder: Path, out: Path, most_images: int = MOST_IMAGES, published: Published = UNSIGNED) -> tuple[int, list[str]]:
+    """Writes the archive into `out`, where it replaces another one. Returns its bytes, without what `report` makes again, and
+    sentences on what a replay would lack.
 
     `most_images` limits the images of a scene and shader: at least 0 at the end of the budget, as many at equal time.
+    `published`: what its authors say of it. Raises `ConfigError`.
     """
+    published.check()
     if out.resolve() == folder.resolve():
         raise ConfigError(f"{out}: is the results folder itself: --out must be another")
     if store.events_file(out) and not (out / reference_files.FOLDER).is_dir():
         raise ConfigError(f"{out}: holds results that are no archive: --out must be a new folder, or an archive")
-    analysis = analyse(load_results(folder))
+    results = load_results(folder)
+    analysis = analyse(results)
     kept = {image: store.image_file(folder, image) for image in shown_images(analysis, most_images)}
     _clear(out)
     try:
         _write(analysis, kept, folder, out)
+        missing = write_supplement(results, store.read_manifest(out), out, published)
     except BaseException:
         _clear(out)  # half an archive would pass for a whole one
         raise
-    return sum(path.stat().st_size for path in out.rglob("*") if path.is_file())
+    return sum(path.stat().st_size for path in out.rglob("*") if path.is_file()), missing
 
 
 def _clear(out: Path) -> None:
     if store.events_file(out):
         store.clear(out)
+        clear_supplement(out)
     shutil.rmtree(out / reference_files.FOLDER, ignore_errors=True)
 
 

@@ -3,7 +3,6 @@ error over time."""
 
 from __future__ import annotations
 
-import math
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,6 +19,7 @@ from engines.errors import ConfigError
 from engines.image import write_image
 from engines.packages import install_extra
 from harness.metrics import Reference, as_error, measure, metric_title
+from harness.report.moments import Moment
 from harness.report.plots.chart import FAINT, INK
 from harness.report.plots.curves import error_label
 from harness.report.plots.figures import log_scales
@@ -51,13 +51,6 @@ class Crop(NamedTuple):
         return image[self.y : self.y + self.height, self.x : self.x + self.width]
 
 
-class Moment(NamedTuple):
-    """When images are compared: after `seconds`, at `spp`, or at the last checkpoint where both are None."""
-
-    seconds: float | None = None
-    spp: int | None = None
-
-
 class Taken(NamedTuple):
     """A contestant's image (h, w, 3) at a checkpoint of its first block."""
 
@@ -74,21 +67,6 @@ def crop_of(text: str) -> Crop:
     return Crop(*map(int, parts))
 
 
-def moment_of(text: str) -> Moment:
-    """A moment from `2s`, `64spp` or `last`. Raises `ConfigError`."""
-    for unit, kind in (("spp", int), ("s", float)):
-        if text.endswith(unit):
-            try:
-                value = kind(text.removesuffix(unit))
-            except ValueError:
-                break
-            if 0 < value < math.inf:
-                return Moment(spp=int(value)) if unit == "spp" else Moment(seconds=float(value))
-    if text != "last":
-        raise ConfigError(f"--at {text}: expected a time (2s), a number of samples (64spp) or last")
-    return Moment()
-
-
 def taken_images(results: Results, scene: str, moment: Moment, names: Sequence[str] = ()) -> list[Taken]:
     """The images of contestants of `scene` at a moment: of those of `names`, in that order, or of all by falling error, at most
     `MOST_CONTESTANTS`.
@@ -103,8 +81,9 @@ def taken_images(results: Results, scene: str, moment: Moment, names: Sequence[s
             raise ConfigError(f"--contestant {name!r}: {scene} has {', '.join(measured)}")
     found = [taken for c in ([measured[name] for name in names] or measured.values()) if (taken := _taken(results, c, moment))]
     if not found:
-        words = f"at {moment.spp} spp " if moment.spp else f"within {moment.seconds:g} s " if moment.seconds else ""
-        raise ConfigError(f"{results.folder}: {scene} has no image {words}(a config keeps them with `output: {{images: all}}`)")
+        raise ConfigError(
+            f"{results.folder}: {scene} has no image {moment} (a config keeps them with `output: {{images: all}}`)"
+        )
     if len({(taken.contestant.done[0].reference_id, taken.image.shape) for taken in found}) > 1:
         raise ConfigError(f"{scene}: its contestants have different references or sizes: choose those of one by --contestant")
     if names:
@@ -113,13 +92,9 @@ def taken_images(results: Results, scene: str, moment: Moment, names: Sequence[s
 
 
 def _taken(results: Results, contestant: Contestant, moment: Moment) -> Taken | None:
-    points = [point for point in contestant.done[0].points if point.image]
-    if moment.spp is not None:
-        points = [point for point in points if point.spp == moment.spp]
-    elif moment.seconds is not None:
-        points = [point for point in points if point.seconds <= moment.seconds]
-    image = results.image(points[-1]) if points else None
-    return None if image is None else Taken(contestant, points[-1], image)
+    point = moment.of([point for point in contestant.done[0].points if point.image])
+    image = results.image(point)
+    return Taken(contestant, point, image) if point is not None and image is not None else None
 
 
 def chosen_crops(reference: Image, count: int = 2) -> list[Crop]:

@@ -33,7 +33,7 @@ def size_of(folder):
 def folders(tmp_path_factory):
     whole = write_folder(tmp_path_factory.mktemp("whole") / "results", Size(64, 64), threads=(1,))
     before, out = size_of(whole), tmp_path_factory.mktemp("archived") / "small"
-    return whole, out, before, archive(whole, out)
+    return whole, out, before, archive(whole, out)[0]
 
 
 def page_of(folder):

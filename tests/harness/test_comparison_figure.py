@@ -7,6 +7,7 @@ from engines.errors import ConfigError
 from engines.image import read_image
 from harness.metrics import Reference, measure
 from harness.report import comparison_figure as made
+from harness.report.moments import Moment, moment_of
 from harness.report.plots.figures import style
 from harness.report.tables.model import number_text
 from harness.store.results import load_results
@@ -31,7 +32,7 @@ def drawn(results, taken, crops, **options):
 
 
 def test_each_crop_has_the_error_of_its_pixels(results):
-    taken = made.taken_images(results, "cornell_box", made.Moment())
+    taken = made.taken_images(results, "cornell_box", Moment())
     crop = made.Crop(8, 4, 16, 12)
     figure, reference = drawn(results, taken, [crop], with_plot=False)
     shown = {text.get_text() for axis in figure.axes for text in axis.texts}
@@ -46,21 +47,21 @@ def test_each_crop_has_the_error_of_its_pixels(results):
 
 
 def test_images_are_those_of_the_moment(results):
-    at_spp = made.taken_images(results, "cornell_box", made.moment_of("64spp"))
+    at_spp = made.taken_images(results, "cornell_box", moment_of("64spp"))
     assert at_spp and {taken.point.spp for taken in at_spp} == {64}
-    last = made.taken_images(results, "cornell_box", made.moment_of("last"))
+    last = made.taken_images(results, "cornell_box", moment_of("last"))
     seconds = sorted(taken.point.seconds for taken in last)[1]
-    for taken in made.taken_images(results, "cornell_box", made.moment_of(f"{seconds}s")):
+    for taken in made.taken_images(results, "cornell_box", moment_of(f"{seconds}s")):
         later = [p for p in taken.contestant.done[0].points if p.image and p.spp > taken.point.spp]
         assert taken.point.seconds <= seconds and all(p.seconds > seconds for p in later)
 
 
 def test_contestants_come_in_the_order_of_their_names_or_of_falling_error(results):
-    taken = made.taken_images(results, "cornell_box", made.Moment())
+    taken = made.taken_images(results, "cornell_box", Moment())
     errors = [taken.point.metrics["relmse_e0.01_corrected"] for taken in taken]
     assert errors == sorted(errors, reverse=True) and len(taken) > 2
     names = [one.contestant.name for one in taken][:2]
-    assert [t.contestant.name for t in made.taken_images(results, "cornell_box", made.Moment(), names)] == names
+    assert [t.contestant.name for t in made.taken_images(results, "cornell_box", Moment(), names)] == names
 
 
 def test_crops_of_choice_do_not_overlap_and_lie_inside():
@@ -79,18 +80,18 @@ def test_what_is_no_crop_is_refused(text):
 @pytest.mark.parametrize("text", ["soon", "0s", "2.5spp", "infs"])
 def test_what_is_no_moment_is_refused(text):
     with pytest.raises(ConfigError, match="expected a time"):
-        made.moment_of(text)
+        moment_of(text)
 
 
 def test_what_cannot_be_shown_is_named(results):
     for arguments, words in (
-        (("nowhere", made.Moment()), "scene 'nowhere' is not among"),
-        (("cornell_box", made.Moment(seconds=1e-9)), "has no image within"),
-        (("cornell_box", made.Moment(), ["nobody"]), "--contestant 'nobody'"),
+        (("nowhere", Moment()), "scene 'nowhere' is not among"),
+        (("cornell_box", Moment(seconds=1e-9)), "has no image within"),
+        (("cornell_box", Moment(), ["nobody"]), "--contestant 'nobody'"),
     ):
         with pytest.raises(ConfigError, match=words):
             made.taken_images(results, *arguments)
-    taken = made.taken_images(results, "cornell_box", made.Moment())
+    taken = made.taken_images(results, "cornell_box", Moment())
     with pytest.raises(ConfigError, match="the image has 48 x 36 pixels"):
         drawn(results, taken, [made.Crop(40, 0, 16, 8)])
     with pytest.raises(ConfigError, match="do not fit"):
@@ -104,7 +105,7 @@ def test_the_command_writes_figure_and_crops(folder, tmp_path):
     assert done.returncode == 0, done.stderr
     assert figure.read_bytes().startswith(b"%PDF")
     results = load_results(folder)
-    taken = made.taken_images(results, "cornell_box", made.Moment())
+    taken = made.taken_images(results, "cornell_box", Moment())
     assert len(list(crops.iterdir())) == len(taken) + 1
     expected = made.reference_of(results, taken).mean[4:16, 8:24]
     np.testing.assert_allclose(read_image(crops / "crop1-reference.exr"), expected, rtol=1e-3)

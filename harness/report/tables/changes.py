@@ -12,12 +12,12 @@ from typing import Any, NamedTuple
 
 from engines.errors import ConfigError
 from harness.analysis import analyse, seconds_per_sample
+from harness.analysis.axes import matching
 from harness.analysis.columns import Column, Table
-from harness.analysis.equivalence import Replicates, common_spp
+from harness.analysis.equivalence import common_spp, same_images
 from harness.analysis.model import FLAGS, OF_THE_TIME
 from harness.metrics import metric_title
-from harness.statistics import Change, Equivalence, Estimate, change_of_errors, change_of_times, equivalence, judge_changes
-from harness.statistics.equivalence import shared_alpha
+from harness.statistics import Change, Estimate, change_of_errors, change_of_times, judge_changes
 from harness.statistics.intervals import exp
 from harness.statistics.sessions import FEWEST_SESSIONS
 from harness.store.records import BROKEN, Settings
@@ -181,11 +181,6 @@ def _by_key(*sides: Sequence[Results]) -> list[dict[Settings, list[tuple[Results
     return found
 
 
-def matching(settings: Settings) -> Settings:
-    """What has to be equal for two contestants to be the same."""
-    return replace(settings, machine="", division="closed")
-
-
 def _who(sessions: Sessions) -> dict[str, Any]:
     return {"scene": sessions[0][1].settings.scene, "contestant": sessions[0][1].name}
 
@@ -262,19 +257,5 @@ def _image_row(old: Sessions, new: Sessions, flags: Sequence[Mapping[int, set[st
     image = {"measure": "image", "sessions": f"{len(old)} and {len(new)}"}
     if now - known:
         return {**image, "verdict": f"flagged: {', '.join(FLAGS[flag] for flag in sorted(now - known))}", "regression": True}
-    found = _same_image(old, new, comparisons)
+    found = same_images(*old[0], *new[0], comparisons)
     return {**image, "verdict": found.verdict, "regression": found.verdict == "different"} if found else {}
-
-
-def _same_image(old: Sessions, new: Sessions, comparisons: int) -> Equivalence | None:
-    """The images of the first session of either side at equal samples, in pairs of one block; None without two pairs."""
-    (before, one), (after, other) = old[0], new[0]
-    spp = common_spp(one, other, pictured=True)
-    if spp is None:
-        return None
-    ours, theirs = Replicates(before, keep=1).of(one, spp), Replicates(after, keep=1).of(other, spp)
-    shared = sorted(ours.keys() & theirs.keys())
-    if len(shared) < 2 or ours[shared[0]].shape != theirs[shared[0]].shape:
-        return None
-    pairs = [ours[block] for block in shared], [theirs[block] for block in shared]
-    return equivalence(*pairs, after.config.equivalence.margins, shared_alpha(comparisons))

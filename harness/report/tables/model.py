@@ -1,8 +1,9 @@
-"""The text of a table as csv, Markdown and LaTeX (booktabs), and that of its cells."""
+"""The text of a table as csv, Markdown, LaTeX and HTML, and that of its cells."""
 
 from __future__ import annotations
 
 import math
+from html import escape
 from typing import Any
 
 from harness.analysis.columns import Column, Table
@@ -20,8 +21,12 @@ def csv_text(table: Table) -> str:
 
 def markdown_text(table: Table) -> str:
     """A GitHub table under its title and note."""
-    lines = [f"### {table.title}", "", table.note, ""]
-    lines.append("| " + " | ".join(column.heading for column in table.columns) + " |")
+    return f"### {table.title}\n\n{table.note}\n\n{markdown_rows(table)}"
+
+
+def markdown_rows(table: Table) -> str:
+    """A GitHub table alone."""
+    lines = ["| " + " | ".join(column.heading for column in table.columns) + " |"]
     lines.append("|" + "|".join(" --- " if column.kind == "text" else " ---: " for column in table.columns) + "|")
     for row in table.rows:
         cells = [cell_text(column, row.get(column.name)) for column in table.columns]
@@ -31,21 +36,33 @@ def markdown_text(table: Table) -> str:
 
 def latex_text(table: Table) -> str:
     """A booktabs tabular in a table float; needs \\usepackage{booktabs}."""
-    shape = "".join("l" if column.kind == "text" else "r" for column in table.columns)
-    head = " & ".join(latex_escape(column.heading) for column in table.columns)
     lines = [
         "\\begin{table}",
         f"\\caption{{{latex_escape(table.title)}. {latex_escape(table.note)}}}",
         f"\\label{{tab:{table.name.replace('_', '-')}}}",
-        f"\\begin{{tabular}}{{{shape}}}",
-        "\\toprule",
-        f"{head} \\\\",
-        "\\midrule",
+        latex_tabular(table, "\\toprule", "\\midrule", "\\bottomrule") + "\\end{table}",
     ]
+    return "\n".join(lines) + "\n"
+
+
+def latex_tabular(table: Table, top: str = "\\hline", middle: str = "\\hline", bottom: str = "\\hline") -> str:
+    """A tabular alone, with its rules; by default it needs no package."""
+    shape = "".join("l" if column.kind == "text" else "r" for column in table.columns)
+    rows = [[cell_text(column, row.get(column.name)) for column in table.columns] for row in table.rows]
+    head, *body = (
+        " & ".join(map(latex_escape, cells)) + " \\\\" for cells in ([column.heading for column in table.columns], *rows)
+    )
+    return "\n".join([f"\\begin{{tabular}}{{{shape}}}", top, head, middle, *body, bottom, "\\end{tabular}"]) + "\n"
+
+
+def html_rows(table: Table) -> str:
+    """An HTML table under its note as a caption, without styles."""
+    lines = ["<table>", f"<caption>{escape(table.note)}</caption>"]
+    lines.append("<tr>" + "".join(f'<th scope="col">{escape(column.heading)}</th>' for column in table.columns) + "</tr>")
     for row in table.rows:
-        cells = [latex_escape(cell_text(column, row.get(column.name))) for column in table.columns]
-        lines.append(" & ".join(cells) + " \\\\")
-    return "\n".join([*lines, "\\bottomrule", "\\end{tabular}", "\\end{table}"]) + "\n"
+        first, *rest = (escape(cell_text(column, row.get(column.name))) for column in table.columns)
+        lines.append(f'<tr><th scope="row">{first}</th>' + "".join(f"<td>{cell}</td>" for cell in rest) + "</tr>")
+    return "\n".join([*lines, "</table>"]) + "\n"
 
 
 def cell_text(column: Column, value: Any) -> str:
