@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 from harness.analysis import Analysis
@@ -37,7 +38,14 @@ def by_axis(analysis: Analysis) -> Table:
     found = analysis.by_axis.rename(columns=SPEEDUP | {"blocks": "pairs"})
     found["why"] = [why_blank(row) for row in analysis.by_axis.itertuples()]
     table.rows = rows_of(found, table.columns)
+    say_why(table, found.why.tolist(), "speedup", "verdict")
     return table
+
+
+def say_why(table: Table, reasons: Sequence[str], *columns: str) -> None:
+    """Keeps with each row why these columns of it show nothing: what a report says where one points at such a cell."""
+    for row, reason in zip(table.rows, reasons, strict=True):
+        row.setdefault("blank", {}).update(dict.fromkeys(columns, reason))
 
 
 def why_blank(row: Any) -> str:

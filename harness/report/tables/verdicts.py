@@ -11,7 +11,7 @@ from harness.analysis.model import FLAGS
 from harness.analysis.scaling import thread_families
 from harness.metrics import error_words, metric_title
 from harness.report.tables.accelerators import accelerators
-from harness.report.tables.by_axis import SPEEDUP, by_axis
+from harness.report.tables.by_axis import SPEEDUP, by_axis, say_why, why_blank
 from harness.report.tables.equivalence import accuracy, bias_and_equivalence, bias_text, equivalence, equivalence_text, who
 from harness.report.tables.evidence import evidence, floor_text
 from harness.report.tables.model import reached_text
@@ -90,7 +90,14 @@ def time_to_quality(analysis: Analysis) -> Table:
         columns=["scene", "contestant", "bias", "equivalence"],
         dtype="string",
     )
+    reasons = [why_blank(row) for row in found.itertuples()]
     table.rows = rows_of(found.rename(columns=RENAMED).merge(words), table.columns)
+    say_why(table, reasons, "speedup", "speedup_verdict")
+    by_name = {(verdict.contestant.settings.scene, verdict.contestant.name): verdict for verdict in analysis.verdicts}
+    of_rows = [by_name[row["scene"], row["contestant"]] for row in table.rows]
+    say_why(table, ["there are no images of two seeds, or no reference"] * len(of_rows), "bias")
+    itself, missing = "it is itself the image baseline, or alone", "there are no images to compare"
+    say_why(table, [itself if verdict.image_baseline is None else missing for verdict in of_rows], "equivalence")
     return table
 
 
@@ -123,9 +130,12 @@ def speedups(analysis: Analysis) -> Table:
         ],
     )
     found = measurements.by_contestant(analysis.comparisons, analysis.results)
-    found = found[found.no_ratio == ""].rename(columns=SPEEDUP | {"blocks": "pairs"})
+    found = found[found.no_ratio == ""]
+    reasons = [why_blank(row) for row in found.itertuples()]
+    found = found.rename(columns=SPEEDUP | {"blocks": "pairs"})
     found["noise_floor"] = found.noise_floor.map(floor_text)
     table.rows = rows_of(found, table.columns)
+    say_why(table, reasons, "speedup", "verdict")
     return table
 
 
