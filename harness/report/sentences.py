@@ -172,7 +172,8 @@ def _unreached(rows: Sequence[Any], value: str, over: str) -> Iterator[str]:
 
 def repeats_to_separate(row: Any, family: int, same_within: float) -> float:
     """About how many repeats a ratio takes to be faster or slower in a family of so many, or the same, if its mean and spread
-    stay as they are: the interval shrinks with the root of their number. NaN without an interval."""
+    stay as they are: the interval shrinks with the root of their number. NaN without an interval, and where that is narrow enough already: something else than
+    too few repeats stands in the way."""
     if not 0 < row.ratio_low < row.ratio_high < math.inf:
         return math.nan
     half = math.log(row.ratio_high / row.ratio_low) / 2
@@ -180,7 +181,8 @@ def repeats_to_separate(row: Any, family: int, same_within: float) -> float:
     wider, narrower = (float(ndtri(1 - level / 2) / ndtri(1 - ALPHA / 2)) for level in (ALPHA / max(1, family), 2 * ALPHA))
     apart = half * wider / distance if distance > 0 else math.inf
     alike = half * narrower / (margin - distance) if margin > distance else math.inf
-    return max(row.blocks + 1.0, math.ceil(row.blocks * min(apart, alike) ** 2))
+    shrink = min(apart, alike)
+    return math.ceil(row.blocks * shrink**2) if shrink > 1 else math.nan
 
 
 def _repeats(rows: Sequence[Any], family: int, analysis: Analysis) -> str:

@@ -90,11 +90,11 @@ def time_to_quality(analysis: Analysis) -> Table:
         columns=["scene", "contestant", "bias", "equivalence"],
         dtype="string",
     )
-    reasons = [why_blank(row) for row in found.itertuples()]
     table.rows = rows_of(found.rename(columns=RENAMED).merge(words), table.columns)
-    say_why(table, reasons, "speedup", "speedup_verdict")
     by_name = {(verdict.contestant.settings.scene, verdict.contestant.name): verdict for verdict in analysis.verdicts}
     of_rows = [by_name[row["scene"], row["contestant"]] for row in table.rows]
+    reasons = [why_blank(analysis.at(of.contestant, row["target"])) for of, row in zip(of_rows, table.rows, strict=True)]
+    say_why(table, reasons, "speedup", "speedup_verdict")
     say_why(table, ["there are no images of two seeds, or no reference"] * len(of_rows), "bias")
     itself, missing = "it is itself the image baseline, or alone", "there are no images to compare"
     say_why(table, [itself if verdict.image_baseline is None else missing for verdict in of_rows], "equivalence")
