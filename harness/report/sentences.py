@@ -172,8 +172,8 @@ def _unreached(rows: Sequence[Any], value: str, over: str) -> Iterator[str]:
 
 def repeats_to_separate(row: Any, family: int, same_within: float) -> float:
     """About how many repeats a ratio takes to be faster or slower in a family of so many, or the same, if its mean and spread
-    stay as they are: the interval shrinks with the root of their number. NaN without an interval, and where that is narrow enough already: something else than
-    too few repeats stands in the way."""
+    stay as they are: the interval shrinks with the root of their number. NaN without an interval, and where that is narrow
+    enough already: then something else than too few repeats stands in the way."""
     if not 0 < row.ratio_low < row.ratio_high < math.inf:
         return math.nan
     half = math.log(row.ratio_high / row.ratio_low) / 2

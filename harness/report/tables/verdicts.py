@@ -11,7 +11,7 @@ from harness.analysis.model import FLAGS
 from harness.analysis.scaling import thread_families
 from harness.metrics import error_words, metric_title
 from harness.report.tables.accelerators import accelerators
-from harness.report.tables.by_axis import SPEEDUP, by_axis, say_why, why_blank
+from harness.report.tables.by_axis import by_axis, say_why, why_blank
 from harness.report.tables.equivalence import accuracy, bias_and_equivalence, bias_text, equivalence, equivalence_text, who
 from harness.report.tables.evidence import evidence, floor_text
 from harness.report.tables.model import reached_text
@@ -20,6 +20,7 @@ from harness.report.tables.scaling import scaling
 from harness.statistics import Estimate, amdahl_fit, parallel_speedups
 from harness.store.results import PHASES
 
+SPEEDUP = {f"ratio{end}": f"speedup{end}" for end in ("", "_low", "_high")}
 RENAMED = SPEEDUP | {f"seconds{end}": f"warm_seconds{end}" for end in ("", "_low", "_high")}
 """Columns of DataFrames by the names that these tables give them."""
 MOST_NAMES = 6
