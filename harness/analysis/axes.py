@@ -89,27 +89,29 @@ def _options(one: Choice, other: Choice) -> list[str]:
 
 
 def places(results: Results) -> dict[Settings, int]:
-    """Contestants -> the place of each in the order of the config, in which the first value of every axis comes first; those
-    that the config does not tell come last."""
+    """Contestants -> the place of each in the order of the config, in which the first value of every axis comes first: that of
+    the first combination that has most of its settings, all of them where the config is that of the run."""
     written = results.config.combinations
-    names = {combination.engine for combination in written}
+    names = {one.engine for one in written}
     choices = [{key: getattr(one, key).describe().items() for key in CHOICES} for one in written]
 
-    def stands_for(one: Combination, described: Mapping[str, Any], settings: Settings) -> bool:
-        """Whether a combination has these settings; it may leave options, precision and resolution to the engine and scene."""
-        if one.rays is not None or one.scene.name != settings.scene or one.threads != settings.threads:
-            return False
-        if not _names(one.engine, settings.engine, names) or one.precision not in (None, settings.precision):
-            return False
-        if one.resolution not in (None, settings.resolution) or one.division != settings.division:
-            return False
-        return all(described[key] <= getattr(settings, key).describe().items() for key in CHOICES)
+    def alike(one: Combination, described: Mapping[str, Any], settings: Settings) -> int:
+        """How many settings of a combination these are; it may leave options, precision and resolution to engine and scene."""
+        return (
+            (one.rays is None)
+            + (one.scene.name == settings.scene)
+            + _names(one.engine, settings.engine, names)
+            + (one.threads == settings.threads)
+            + (one.precision in (None, settings.precision))
+            + (one.resolution in (None, settings.resolution))
+            + (one.division == settings.division)
+            + sum(described[key] <= getattr(settings, key).describe().items() for key in CHOICES)
+        )
 
     found = {}
     for contestant in results.contestants:
-        settings = contestant.settings
-        matching = (i for i, one in enumerate(written) if stands_for(one, choices[i], settings))
-        found[settings] = next(matching, len(written))
+        shared = [alike(one, described, contestant.settings) for one, described in zip(written, choices, strict=True)]
+        found[contestant.settings] = shared.index(max(shared)) if shared else 0
     return found
 
 

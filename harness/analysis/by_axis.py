@@ -39,7 +39,7 @@ def by_axis(results: Results, verdicts: Sequence[Verdict], crossings: Frame, com
 
     Columns: those of `comparisons`, and `axis`, `value`, `over` and `settings`, see `Labels`. All ratios along an axis in one
     measure, on all scenes of a machine, are one race: their verdicts hold together (Holm). The axis of a pair of the config is
-    all settings in which its sides differ, its values the names of the contestants.
+    `pair`, with all settings in which its sides differ, its values are the names of the contestants.
     """
     judged = {verdict.contestant: verdict for verdict in verdicts}
     found = list(_further(results, verdicts))
@@ -101,11 +101,11 @@ def _further(results: Results, verdicts: Sequence[Verdict]) -> Iterator[Further]
     along = [each for group in groups.values() for each in baselines.along_axes(group)]
     order = {axis: place for place, axis in enumerate(AXES)}
     yield from sorted(along, key=lambda each: order.get(each.axis, len(order)))
-    known = {(each.contestant, each.baseline) for each in along}
+    known = {frozenset(each[:2]) for each in along}
     for group in raced_together(verdicts).values():
         members = [verdict.contestant for verdict in group]
-        known |= {(one, base.contestant) for one in members if (base := baselines.of(one, members)) is not None}
-        yield from (each for each in baselines.of_pairs(members) if (each.contestant, each.baseline) not in known)
+        known |= {frozenset((one, base.contestant)) for one in members if (base := baselines.of(one, members)) is not None}
+        yield from (each for each in baselines.of_pairs(members) if frozenset(each[:2]) not in known)
 
 
 def _labels(results: Results, found: Sequence[Further]) -> list[Labels]:
@@ -125,7 +125,7 @@ def _labels(results: Results, found: Sequence[Further]) -> list[Labels]:
                 Labels(each.axis, _value(each.axis, one, other, choices), _value(each.axis, other, one, choices), settings)
             )
         else:
-            made.append(Labels(SEVERAL.join(factors(one, other)), one.name, other.name, ""))
+            made.append(Labels(f"pair ({SEVERAL.join(factors(one, other))})", one.name, other.name, ""))
     return made
 
 

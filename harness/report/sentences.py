@@ -24,6 +24,7 @@ MOST_LINES = 15
 """Lines at the end of a run; the report has all."""
 MOST_REPEATS = 200
 """More repeats than these are said to be out of reach."""
+SINGULAR, PLURAL = "'s", "'"
 SUBJECTS = ("engine", "accelerator", "shader", "sampler")
 """Axes whose values reach a target; with values of others contestants do."""
 
@@ -66,20 +67,22 @@ def _of_several(analysis: Analysis) -> Frame:
 
 
 class _Words(NamedTuple):
-    """The parts of a sentence: `start`, what stands before a share of the time, and whose time that is a share of."""
+    """The parts of a sentence: `start`, what stands before a share of the time, whose time that is a share of, and what it says
+    where the two take as long."""
 
     start: str
     whose: str
+    alike: str
 
 
 def _words(axis: str, value: str, over: str, target: float | None) -> _Words:
-    subject = axis in SUBJECTS or SEVERAL in axis
+    subject = axis in SUBJECTS or " " in axis
+    whose = f"{over}{PLURAL if over.endswith('s') else SINGULAR} time" if subject else f"the time with {over}"
     if target is None:
         start = f"a sample of {value} takes" if subject else f"with {value} a sample takes"
-        return _Words(start, f"{over}'s time" if subject else f"the time with {over}")
-    if subject:
-        return _Words(f"{value} reaches {target:g} in", f"{over}'s time")
-    return _Words(f"with {value}, {target:g} is reached in", f"the time with {over}")
+        return _Words(start, whose, f"{start} as long as {'one of' if subject else 'with'} {over}")
+    reaches = f"{value} reaches {target:g}" if subject else f"with {value}, {target:g} is reached"
+    return _Words(f"{reaches} in", whose, f"{reaches} as soon as {'' if subject else 'with '}{over}")
 
 
 def _sentence(analysis: Analysis, axis: str, value: str, over: str, rows: Frame) -> str:
@@ -93,21 +96,22 @@ def _sentence(analysis: Analysis, axis: str, value: str, over: str, rows: Frame)
 
 
 def _of_target(analysis: Analysis, words: _Words, value: str, over: str, rows: Frame) -> str:
-    told = {verdict: list(own.itertuples()) for verdict, own in rows.groupby("verdict", sort=False)}
-    known = sorted([*told.get("faster", []), *told.get("slower", [])], key=lambda row: -row.ratio)
+    compared = [row for row in rows.itertuples() if not row.no_ratio]
+    told: dict[str, list[Any]] = {}
+    for row in compared:
+        if 0 < row.ratio < math.inf:
+            told.setdefault("decided" if row.verdict in ("faster", "slower") else row.verdict, []).append(row)
+    known = sorted(told.get("decided", []), key=lambda row: -row.ratio)
     same = 100 * analysis.results.config.same_within
     parts = []
     if known:
         parts.append(f"{words.start} {_shares(known, words.whose)}")
     if alike := told.get("same", []):
-        start = "" if known else f"{words.start} "
-        parts.append(f"{start}{'the same' if known else words.whose} within {same:g} % on {_places(alike)}")
-    open_rows = told.get("unresolved", [])
-    within = [row for row in open_rows if 0 < row.ratio < math.inf]
-    if within:
+        parts.append(f"{'as soon' if known else words.alike} (within {same:g} %) on {_places(alike)}")
+    if within := told.get("unresolved", []):
         start = "" if parts else f"{words.start} {_range(within)} of {words.whose}: "
         parts.append(f"{start}not separated on {_places(within)}{_repeats(within, len(rows), analysis)}")
-    parts += _unreached(open_rows, value, over)
+    parts += _unreached(compared, value, over)
     for why, own in rows[rows.no_ratio != ""].groupby("no_ratio", sort=False):
         parts.append(f"no ratio on {_places(list(own.itertuples()))} ({why})")
     return "; ".join(parts) + "."
@@ -116,8 +120,8 @@ def _of_target(analysis: Analysis, words: _Words, value: str, over: str, rows: F
 def _shares(rows: Sequence[Any], whose: str) -> str:
     """`0.38 (0.36 to 0.41) of random's time on cornell_box, 0.5 (0.4 to 0.6) on gears`."""
     if len(rows) > MOST_PLACES:
-        ends = f"{_share(rows[0])} to {_share(rows[-1])}"
-        return f"{ends} of {whose} on {len(rows)} ({_place(rows[0])} to {_place(rows[-1])})"
+        least, most = ((_share(row), _place(row)) for row in (rows[0], rows[-1]))
+        return f"{least[0]} of {whose} on {least[1]} to {most[0]} on {most[1]}, {len(rows)} comparisons in all"
     first, *rest = [(f"{_share(row)} ({_interval(row)})", _place(row)) for row in rows]
     return ", ".join([f"{first[0]} of {whose} on {first[1]}", *(f"{share} on {place}" for share, place in rest)])
 
@@ -168,7 +172,8 @@ def _unreached(rows: Sequence[Any], value: str, over: str) -> Iterator[str]:
 
 def repeats_to_separate(row: Any, family: int, same_within: float) -> float:
     """About how many repeats a ratio takes to be faster or slower in a family of so many, or the same, if its mean and spread
-    stay as they are: the interval shrinks with the root of their number. NaN without an interval."""
+    stay as they are: the interval shrinks with the root of their number. NaN without an interval, and where that is narrow
+    enough already: then something else than too few repeats stands in the way."""
     if not 0 < row.ratio_low < row.ratio_high < math.inf:
         return math.nan
     half = math.log(row.ratio_high / row.ratio_low) / 2
@@ -176,7 +181,8 @@ def repeats_to_separate(row: Any, family: int, same_within: float) -> float:
     wider, narrower = (float(ndtri(1 - level / 2) / ndtri(1 - ALPHA / 2)) for level in (ALPHA / max(1, family), 2 * ALPHA))
     apart = half * wider / distance if distance > 0 else math.inf
     alike = half * narrower / (margin - distance) if margin > distance else math.inf
-    return max(row.blocks + 1.0, math.ceil(row.blocks * min(apart, alike) ** 2))
+    shrink = min(apart, alike)
+    return math.ceil(row.blocks * shrink**2) if shrink > 1 else math.nan
 
 
 def _repeats(rows: Sequence[Any], family: int, analysis: Analysis) -> str:

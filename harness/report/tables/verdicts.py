@@ -11,7 +11,7 @@ from harness.analysis.model import FLAGS
 from harness.analysis.scaling import thread_families
 from harness.metrics import error_words, metric_title
 from harness.report.tables.accelerators import accelerators
-from harness.report.tables.by_axis import SPEEDUP, by_axis
+from harness.report.tables.by_axis import by_axis, say_why, why_blank
 from harness.report.tables.equivalence import accuracy, bias_and_equivalence, bias_text, equivalence, equivalence_text, who
 from harness.report.tables.evidence import evidence, floor_text
 from harness.report.tables.model import reached_text
@@ -20,6 +20,7 @@ from harness.report.tables.scaling import scaling
 from harness.statistics import Estimate, amdahl_fit, parallel_speedups
 from harness.store.results import PHASES
 
+SPEEDUP = {f"ratio{end}": f"speedup{end}" for end in ("", "_low", "_high")}
 RENAMED = SPEEDUP | {f"seconds{end}": f"warm_seconds{end}" for end in ("", "_low", "_high")}
 """Columns of DataFrames by the names that these tables give them."""
 MOST_NAMES = 6
@@ -91,6 +92,13 @@ def time_to_quality(analysis: Analysis) -> Table:
         dtype="string",
     )
     table.rows = rows_of(found.rename(columns=RENAMED).merge(words), table.columns)
+    by_name = {(verdict.contestant.settings.scene, verdict.contestant.name): verdict for verdict in analysis.verdicts}
+    of_rows = [by_name[row["scene"], row["contestant"]] for row in table.rows]
+    reasons = [why_blank(analysis.at(of.contestant, row["target"])) for of, row in zip(of_rows, table.rows, strict=True)]
+    say_why(table, reasons, "speedup", "speedup_verdict")
+    say_why(table, ["there are no images of two seeds, or no reference"] * len(of_rows), "bias")
+    itself, missing = "it is itself the image baseline, or alone", "there are no images to compare"
+    say_why(table, [itself if verdict.image_baseline is None else missing for verdict in of_rows], "equivalence")
     return table
 
 
@@ -123,9 +131,12 @@ def speedups(analysis: Analysis) -> Table:
         ],
     )
     found = measurements.by_contestant(analysis.comparisons, analysis.results)
-    found = found[found.no_ratio == ""].rename(columns=SPEEDUP | {"blocks": "pairs"})
+    found = found[found.no_ratio == ""]
+    reasons = [why_blank(row) for row in found.itertuples()]
+    found = found.rename(columns=SPEEDUP | {"blocks": "pairs"})
     found["noise_floor"] = found.noise_floor.map(floor_text)
     table.rows = rows_of(found, table.columns)
+    say_why(table, reasons, "speedup", "verdict")
     return table
 
 
