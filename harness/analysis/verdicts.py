@@ -49,7 +49,7 @@ def analyse(results: Results) -> Analysis:
     points, cells = measurements.points(results), measurements.cells(results)
     crossed = crossings.crossings(points.frame, cells.frame, targets)
     pairs = comparisons.pairs(results, verdicts)
-    floors = comparisons.noise_floors(crossed, pairs)
+    spreads = comparisons.persistent_spreads(crossed, verdicts)
     return Analysis(
         results,
         verdicts,
@@ -57,8 +57,8 @@ def analyse(results: Results) -> Analysis:
         cells,
         crossed,
         crossings.times_to_quality(crossed),
-        comparisons.comparisons(crossed, pairs, floors, results.config.same_within),
-        floors,
+        comparisons.comparisons(crossed, pairs, spreads, results.config.same_within),
+        spreads,
         engine_pairs(results, images, known.pairs),
     )
 

@@ -65,7 +65,7 @@ def _row(one: RayContestant, several_machines: bool) -> dict[str, Any]:
         "scene": settings.scene,
         "primitives": cell.primitives,
         "rays": settings.rays,
-        "engine": f"{settings.engine} (twin)" if settings.label else settings.engine,
+        "engine": f"{settings.engine} ({settings.label.replace('A/A', 'twin')})" if settings.label else settings.engine,
         "version": cell.engine_version,
         "accelerator": one.accelerator,
         "precision": settings.precision,
