@@ -390,20 +390,20 @@ def _with_aa_twins(experiment: Experiment, configurations: list[Cell]) -> list[C
         if not cell.skip:
             race = cell.ray_set and (cell.ray_set.kind, cell.settings.threads)
             races.setdefault((cell.scene.path, cell.scene.parameters, race), []).append(cell)
-    groups = list(races.values())
-    twins: list[Cell] = []
+    groups, twins = list(races.values()), list[Cell]()
     for number in range(max(FEWEST_TWINS, len(groups)) if groups else 0):
         lap, place = divmod(number, len(groups))
-        sign = 1 if (lap + place) % 2 else -1
-        of_it, of_engine = Counter(twin.configuration for twin in twins), Counter(twin.engine_name for twin in twins)
-
-        def rank(cell: Cell) -> tuple[int, int, int]:
-            return of_it[cell.configuration], of_engine[cell.engine_name], sign * _speed_rank(cell)
-
-        original = min(groups[place], key=rank)
-        count = of_it[original.configuration]
-        twins.append(replace(original, label=f"{AA_LABEL} {count + 1}" if count else AA_LABEL))
+        twins.append(_twin(groups[place], twins, slow=(lap + place) % 2 == 1))
     return [*configurations, *twins]
+
+
+def _twin(cells: list[Cell], twins: list[Cell], slow: bool) -> Cell:
+    """One more beside `twins`, of one of `cells`."""
+    of_it, of_engine = Counter(twin.configuration for twin in twins), Counter(twin.engine_name for twin in twins)
+    sign = 1 if slow else -1
+    original = min(cells, key=lambda cell: (of_it[cell.configuration], of_engine[cell.engine_name], sign * _speed_rank(cell)))
+    count = of_it[original.configuration]
+    return replace(original, label=f"{AA_LABEL} {count + 1}" if count else AA_LABEL)
 
 
 def _speed_rank(cell: Cell) -> int:

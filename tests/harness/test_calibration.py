@@ -88,7 +88,7 @@ def test_an_archive_of_earlier_rules_is_judged_by_these_and_keeps_the_figures_of
     ours = analysis.results.calibration
     old = ours.replaced(races=ours.races._replace(coverage=0.5, false_differences=None))
     found = calibration.calibrate(replace(analysis, results=replace(analysis.results, calibration=old)))
-    assert found == ours
+    assert calibration.figures(found) == calibration.figures(ours)
 
 
 def test_races_without_twins_are_named(folders):

@@ -139,7 +139,7 @@ def test_a_run_of_one_scene_and_two_contestants_has_four_twins(tmp_path):
     """Two of each; the same ones whenever it is planned."""
     text = sweeping.EXPERIMENT.replace("repeats: 2", "repeats: 3")
     labels = [planner.AA_LABEL, f"{planner.AA_LABEL} 2"]
-    expected = [("ball", engine, "random", label) for engine in ("other", "steady") for label in labels]
+    expected = [("ball", engine, "sobol", label) for engine in ("other", "steady") for label in labels]
     assert twins_of(planned(tmp_path, text)) == twins_of(planned(tmp_path, text)) == expected
     assert not twins_of(planned(tmp_path, text, ["timing=false"]))
     assert not twins_of(planned(tmp_path, text, ["aa_twin=false"]))

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from harness.analysis import Analysis
 from harness.analysis.calibration import plural
 from harness.config.experiment import FEWEST_TWINS
-from harness.report.tables.model import number_text
 from harness.statistics.ratios import FEWEST_BLOCKS, PersistentSpread
 
 
@@ -71,4 +70,4 @@ def weakness_of(spread: PersistentSpread) -> str:
 
 def share_text(share: float) -> str:
     """`1.2 %`, a share; `not measured` for NaN."""
-    return NOT_MEASURED if math.isnan(share) else f"{number_text(100 * share)} %"
+    return NOT_MEASURED if math.isnan(share) else f"{100 * share:.2g} %"
