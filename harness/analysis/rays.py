@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -108,10 +109,10 @@ def ray_races(results: Results) -> list[list[RayContestant]]:
     scenes = list(dict.fromkeys([*(each.scene.name for each in results.config.combinations), *(s.scene for s, _ in cells)]))
     engines = list(dict.fromkeys([results.config.baseline, *PREFERRED_BASELINES, *sorted(s.engine for s, _ in cells)]))
 
-    def place(one: RayContestant) -> tuple[int, ...]:
+    def place(one: RayContestant) -> tuple[Any, ...]:
         s, written = one.settings, results.config.combinations
         own = next((index for index, each in enumerate(written) if _stands_for(each, s)), len(written))
-        return scenes.index(s.scene), RAY_KINDS.index(s.rays), s.threads, engines.index(s.engine), own, bool(s.label)
+        return scenes.index(s.scene), RAY_KINDS.index(s.rays), s.threads, engines.index(s.engine), own, s.label
 
     races: dict[tuple[str, ...], list[RayContestant]] = {}
     for one in sorted(found, key=place):

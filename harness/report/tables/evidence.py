@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from harness.analysis import Analysis
 from harness.analysis.calibration import plural
@@ -42,10 +42,13 @@ def contended_text(contended: Sequence[bool | None]) -> str:
 
 
 def spread_text(analysis: Analysis) -> str:
+    """`spreads_text` of the machines on which something was rendered."""
+    found = (verdict.contestant for verdict in analysis.verdicts)
+    return spreads_text({one.settings.machine: analysis.spread(one) for one in found})
+
+
+def spreads_text(machines: Mapping[str, PersistentSpread]) -> str:
     """The persistent spread of each machine, and what follows where it is not known, or hardly."""
-    machines: dict[str, PersistentSpread] = {}
-    for verdict in analysis.verdicts:
-        machines.setdefault(verdict.contestant.settings.machine, analysis.spread(verdict.contestant))
     return " ".join(
         f"Persistent spread{f' on {machine}' if len(machines) > 1 else ''}: {spread_of(spread)}"
         f"{f'; {weakness}' if (weakness := weakness_of(spread)) else ''}."
