@@ -51,7 +51,7 @@ def by_axis(results: Results, verdicts: Sequence[Verdict], crossings: Frame, com
         same_image = group_of(each.contestant) == group_of(each.baseline)
         races.setdefault((each.axis, each.pair, each.contestant.settings.machine, same_image), []).append(index)
     rows: list[tuple[object, ...]] = []
-    said: dict[tuple[int, str], Labels] = {}
+    said: dict[tuple[int, str, str], Labels] = {}
     per_sample_only = set()
     for number, ((*_, same_image), members) in enumerate(races.items()):
         if not same_image:
@@ -60,34 +60,23 @@ def by_axis(results: Results, verdicts: Sequence[Verdict], crossings: Frame, com
         for index in members:
             compared.setdefault(found[index].baseline, -1)
         for contestant, index in compared.items():
-            ranked, name = not judged[contestant].disqualified, _unique(contestant)
+            ranked, key = not judged[contestant].disqualified, (number, contestant.settings.scene, contestant.name)
             if index < 0:
-                rows.append((number, contestant.settings.scene, name, "", "", "the first value", ranked))
+                rows.append((*key, "", "", "the first value", ranked))
                 continue
             baseline = found[index].baseline
-            said[number, name] = labels[index]
-            why_not = why_no_ratio(judged[contestant], judged[baseline])
-            rows.append((number, contestant.settings.scene, name, _unique(baseline), labels[index].axis, why_not, ranked))
-    unique = crossings.assign(contestant=_unique_names(crossings))
-    made = compare(unique, pd.DataFrame(rows, columns=PAIRS))
+            said[key] = labels[index]
+            rows.append((*key, baseline.name, labels[index].axis, why_no_ratio(judged[contestant], judged[baseline]), ranked))
+    made = compare(crossings, pd.DataFrame(rows, columns=PAIRS))
     made = made[made.baseline != ""]
-    words = pd.DataFrame([said[key] for key in zip(made.race, made.contestant, strict=True)], columns=LABELS, index=made.index)
+    keys = zip(made.race, made.scene, made.contestant, strict=True)
+    words = pd.DataFrame([said[key] for key in keys], columns=LABELS, index=made.index)
     made = pd.concat([made, words], axis=1)
     other = made.race.isin(per_sample_only) & (made.measure != PER_SAMPLE)
     made.loc[other, "no_ratio"] = made.no_ratio.where(made.no_ratio != "", OTHER_REFERENCE)
     made.loc[other, ["ratio", "ratio_low", "ratio_high"]] = float("nan")
     made.loc[other, "verdict"] = ""
-    names = {_unique(one): one.name for one in judged}
-    return made.assign(contestant=made.contestant.map(names), baseline=made.baseline.map(names)).reset_index(drop=True)
-
-
-def _unique(contestant: Contestant) -> str:
-    """A name that is no other contestant's on any scene: a race of this module has contestants of several."""
-    return f"{contestant.settings.scene}\n{contestant.name}"
-
-
-def _unique_names(frame: Frame) -> Frame:
-    return frame.scene + "\n" + frame.contestant
+    return made.reset_index(drop=True)
 
 
 def _further(results: Results, verdicts: Sequence[Verdict]) -> Iterator[Further]:

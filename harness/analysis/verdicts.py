@@ -49,10 +49,10 @@ def analyse(results: Results) -> Analysis:
     points, cells = measurements.points(results), measurements.cells(results)
     crossed = crossings.crossings(points.frame, cells.frame, targets)
     pairs = comparisons.pairs(results, verdicts)
-    floors = comparisons.noise_floors(crossed, pairs)
+    spreads = comparisons.persistent_spreads(crossed, verdicts)
 
     def compare(crossings: Frame, pairs: Frame) -> Frame:
-        return comparisons.comparisons(crossings, pairs, floors, results.config.same_within)
+        return comparisons.comparisons(crossings, pairs, spreads, results.config.same_within)
 
     return Analysis(
         results,
@@ -63,7 +63,7 @@ def analyse(results: Results) -> Analysis:
         crossings.times_to_quality(crossed),
         compare(crossed, pairs),
         by_axis.by_axis(results, verdicts, crossed, compare),
-        floors,
+        spreads,
         engine_pairs(results, images, known.pairs),
     )
 
