@@ -13,7 +13,7 @@ from harness.cli.options import Folder, choices
 def figure(
     folder: Folder,
     scene: Annotated[str, typer.Option(metavar="SCENE", help="The scene to show.")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="The file: .pdf, .png or .svg.")],
+    output: Annotated[Path, typer.Option("--out", "-o", help="The file: .pdf, .png or .svg.")],
     crops: Annotated[
         Optional[list[str]],  # noqa: UP045
         typer.Option(metavar="X,Y,W,H", help="A crop in pixels; may be repeated. By default two squares of high contrast."),

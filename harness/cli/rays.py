@@ -66,7 +66,7 @@ def trace(
         ),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Results folder.", show_default="results/trace")
+        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Results folder.", show_default="results/trace")
     ] = None,
     define: Define = None,
     json: Annotated[bool, typer.Option("--json", help="Print the rows of the table as JSON.")] = False,

@@ -31,6 +31,14 @@ def require_results(folder: Path) -> None:
         raise ConfigError(f"{folder}: no {store.EVENTS} is there: a folder written by `raybench run` is expected")
 
 
+def require_folders(folders: Sequence[Path], where: str) -> None:
+    """Refuses no folders, and folders without results."""
+    if not folders:
+        raise ConfigError(f"{where}: a results folder is missing")
+    for folder in folders:
+        require_results(folder)
+
+
 def analysed(folder: Path) -> Analysis:
     """What a results folder says."""
     from harness.analysis import analyse
@@ -58,10 +66,7 @@ def _plugins(own: Sequence[tuple[str, str]], allow_imports: bool) -> list[Plugin
 
 def report(folders: Sequence[Path], own: Sequence[tuple[str, str]] = (), allow_imports: bool = False) -> None:
     """Writes everything derived from results folders anew, with plots and tables of the user's `own`: (kind, name)."""
-    if not folders:
-        raise ConfigError("report: a results folder is missing")
-    for folder in folders:
-        require_results(folder)
+    require_folders(folders, "report")
     plugins = _plugins(own, allow_imports)
     for folder in folders:
         write_derived(folder, plugins)
@@ -72,10 +77,7 @@ def chapter(folders: Sequence[Path], target: Path) -> None:
     """Writes the chapter about results folders, in order."""
     from harness.report.chapter import write_chapter
 
-    if not folders:
-        raise ConfigError(f"--chapter {target}: a results folder is missing")
-    for folder in folders:
-        require_results(folder)
+    require_folders(folders, f"--chapter {target}")
     if target.exists() and not target.is_dir():
         raise ConfigError(f"--chapter {target}: is a file; a folder is expected")
     for written in write_chapter(folders, target):
