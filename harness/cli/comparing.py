@@ -37,7 +37,7 @@ def compare(
         list[Path] | None,
         typer.Option("--after", metavar="FOLDER...", help="Results folders after it. Three or more per side are tested."),
     ] = None,
-    everything: Annotated[bool, typer.Option("--all", help="Also show what did not change.")] = False,
+    everything: Annotated[bool, typer.Option("--all", help="Also show images that did not change.")] = False,
     output: Annotated[Path | None, typer.Option("--out", "-o", help="Write all rows: .csv, .md or .tex.")] = None,
     fail_on_regression: Annotated[
         bool,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,8 +21,8 @@ if TYPE_CHECKING:
     from harness.analysis import Analysis
     from harness.report.plugins import Plugin
 
-NO_CHANGE = ("same", "unresolved", "identical", "equivalent")
-"""Verdicts that `compare` leaves out unless it is asked for everything."""
+NO_CHANGE = ("identical", "equivalent", "unresolved")
+"""Verdicts on images that `compare` leaves out unless it is asked for everything; ratios it shows all."""
 
 
 def require_results(folder: Path) -> None:
@@ -144,7 +143,7 @@ def calibrate(folder: Path) -> int:
 def compare(
     before: Sequence[Path], after: Sequence[Path], everything: bool, output: Path | None, threshold: float | None
 ) -> int:
-    """Prints what changed between two sides of results folders, or all that was compared; the number of regressions."""
+    """Prints the ratios of two sides of results folders, and the images that changed, or all; the number of regressions."""
     from harness.report.tables import TEXTS, cell_text, changes
     from harness.store.results import load_results
 
@@ -153,7 +152,7 @@ def compare(
         require_results(folder)
     old, new = ([load_results(folder) for folder in side] for side in (before, after))
     changed = changes(old, new, threshold)
-    shown = [row for row in changed.rows if everything or row["verdict"] not in NO_CHANGE]
+    shown = [row for row in changed.rows if everything or row.get("ratio") or row["verdict"] not in NO_CHANGE]
     console = consoles()[0]
     console.print(changed.note, markup=False, soft_wrap=True)
     if shown:
@@ -162,9 +161,10 @@ def compare(
         for row in shown:
             table.add_row(*(escape(cell_text(column, row.get(column.name))) for column in columns))
         console.print(table)
-    counts = Counter(str(row["verdict"]) for row in changed.rows)
-    counted = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items()))
-    console.print(f"{counted or 'nothing to compare'}.", soft_wrap=True)
+    if not changed.rows:
+        console.print("Nothing to compare.")
+    elif left := len(changed.rows) - len(shown):
+        console.print(f"{left} images show no change; --all lists them.")
     if any(results.ray_cells for results in (*old, *new)):
         console.print("Cells that trace rays are not compared between folders.")
     if output is not None and suffix is not None:
