@@ -1,4 +1,4 @@
-"""Cells that trace rays, and the command for them: planted faults are counted to the last ray, and rays are cells as others are."""
+"""Cells that trace rays, and their command: planted faults are counted to the last ray, and rays are cells as others are."""
 
 import inspect
 import json
