@@ -227,8 +227,8 @@ class RayTracer(Protocol):
 class HasTracer(Protocol):
     """An optional part of `Engine`: one that traces rays, and need not render.
 
-    `raybench trace` asks these where they are there, else `why_not` and `prepare`. Where an engine renders nothing at all, its
-    `why_not` says so of every scene.
+    `raybench race --rays` asks these where they are there, else `why_not` and `prepare`. Where an engine renders nothing at
+    all, its `why_not` says so of every scene.
     """
 
     def why_not_tracer(self, scene: Scene, settings: Settings) -> str | None:

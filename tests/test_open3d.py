@@ -21,7 +21,7 @@ def box():
 def test_it_renders_nothing_and_says_what_it_lacks(box):
     engine = Engine()
     assert isinstance(engine, HasTracer)
-    assert engine.why_not(box, Settings()) == "Open3D traces rays and renders no images: raybench trace compares it"
+    assert engine.why_not(box, Settings()) == "Open3D traces rays and renders no images: raybench race --rays compares it"
     with pytest.raises(Unsupported, match="renders no images"):
         engine.prepare(box, Settings())
     with pytest.raises(UnknownName):

@@ -70,7 +70,7 @@ it has an image where the path tracer sees the sky:
 $ {}
 ```
 """
-PORT_COMMAND = "raybench dahlquist --size 160x160 --calls 11 --probe smooth --engine numpy -o dahlquist_port.png"
+PORT_COMMAND = "raybench render dahlquist --size 160x160 --calls 11 --probe smooth --engine numpy -o dahlquist_port.png"
 
 
 def command(name: str) -> list[str]:

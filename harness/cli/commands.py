@@ -35,11 +35,29 @@ from harness.cli.options import (
     choices,
     engine_lists,
     engines,
+    former,
+    names,
     parameters_of,
+    parse_size,
     shipped,
     words,
 )
 from harness.cli.race import race
+
+AGAINST = "With --against"
+Replicates = Annotated[int, typer.Option(help="Independent images per engine.", rich_help_panel=AGAINST)]
+Spp = Annotated[int, typer.Option(min=1, help="Samples per pixel of each image.", rich_help_panel=AGAINST)]
+EquivalenceShader = Annotated[
+    str, typer.Option(help="A shader's name.", autocompletion=choices("SHADERS"), rich_help_panel=AGAINST)
+]
+Margin = Annotated[
+    float, typer.Option(help="Largest difference of image means that counts as equal, as a share.", rich_help_panel=AGAINST)
+]
+TileMargin = Annotated[float, typer.Option(help="The same for tiles of 16x16 pixels.", rich_help_panel=AGAINST)]
+FirstSeed = Annotated[int, typer.Option(help="The first seed.", rich_help_panel=AGAINST)]
+SameSeeds = Annotated[
+    bool, typer.Option("--same-seeds", help="The same seeds for all: shared noise cancels.", rich_help_panel=AGAINST)
+]
 
 app = typer.Typer(
     name="raybench",
@@ -52,14 +70,18 @@ app = typer.Typer(
     "found; 2 the input cannot be used, or a file cannot be written; 130 interrupted.",
 )
 
-EXPERIMENTS, RESULTS, IMAGES = "Experiments", "Results", "Images"
-CHECKS, FILES = "Checks of engines", "Scenes and names"
+EXPERIMENTS, RESULTS, IMAGES, ENGINES = "Experiments", "Results", "Images and scenes", "Engines"
 """The groups of commands in the help."""
 
 
 def command(group: str, cls: type[Command] = Command, name: str | None = None) -> Callable[[Any], Any]:
     """Registers a function as a command in a group of the help."""
     return app.command(name, cls=cls, rich_help_panel=group)
+
+
+def former_command(name: str, now: str) -> Callable[[Any], Any]:
+    """Registers a function as a command of a former name, which help leaves out."""
+    return app.command(name, cls=former(name, now), hidden=True)
 
 
 def _print_version(asked: bool) -> None:
@@ -79,6 +101,9 @@ def options(
     """Options of the program itself."""
 
 
+command(EXPERIMENTS)(race)
+
+
 @command(EXPERIMENTS)
 def run(
     config: Config,
@@ -94,12 +119,20 @@ def run(
         str | None, typer.Option(metavar="ADDRESS", help="Render on the machines behind a Dask scheduler, as tcp://host:8786.")
     ] = None,
     references: References = None,
+    only: Annotated[
+        str | None, typer.Option(metavar="references", help="Only render the references.", autocompletion=words("references"))
+    ] = None,
 ) -> None:
     """Measure the missing cells of an experiment, then write tables, plots and report. The same command resumes a run."""
+    from engines.errors import ConfigError
     from harness.cli import experiments
     from harness.run.sweep import Options
 
     allowed = allow_imports, allow_commands, allow_outside
+    if only not in (None, "references"):
+        raise ConfigError(f"--only {only}: references is expected")
+    if only:
+        raise typer.Exit(experiments.reference(config, out, overrides or [], allowed))
     options = Options(retry, fail_fast, *allowed, ["raybench", *sys.argv[1:]], cluster)
     raise typer.Exit(experiments.run(config, out, overrides or [], fresh, options))
 
@@ -121,6 +154,14 @@ def plan(
 
 
 @command(EXPERIMENTS)
+def status(folder: Folder) -> None:
+    """Show the progress of the run in a results folder, and what failed."""
+    from harness.cli import experiments
+
+    experiments.status(folder)
+
+
+@former_command("reference", "run --only references")
 def reference(
     config: Config,
     out: Out = None,
@@ -136,9 +177,8 @@ def reference(
     raise typer.Exit(experiments.reference(config, out, overrides or [], (allow_imports, allow_commands, allow_outside)))
 
 
-command(EXPERIMENTS)(race)
-command(IMAGES)(images.render)
-command(IMAGES)(images.dahlquist)
+command(IMAGES, images.Render)(images.render)
+former_command(images.DAHLQUIST, "render dahlquist")(images.dahlquist)
 
 
 @command(IMAGES)
@@ -187,12 +227,38 @@ def report(
         typer.Option(metavar="NAME", help="Show a table of your own, too: module:function, or a name that a plugin registers."),
     ] = None,
     allow_imports: AllowImports = False,
+    rescore: Annotated[
+        bool, typer.Option("--rescore", help="First compute all metrics again from the images: see --set.")
+    ] = False,
+    overrides: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Another quality to rescore by: --set quality.epsilon=0.1."),
+    ] = None,
+    calibrate: Annotated[
+        bool,
+        typer.Option(
+            "--calibrate",
+            help="Estimate the error rates of a run's verdicts from its own noise, instead. Exit code 1 if a figure is "
+            "outside its range.",
+        ),
+    ] = False,
     references: References = None,
 ) -> None:
     """Write tables, plots and report.html of results folders again, without rendering; or a chapter about them."""
     from engines.errors import ConfigError
     from harness.cli import results
 
+    if overrides and not rescore:
+        raise ConfigError(f"--set {overrides[0]}: is for --rescore")
+    if calibrate or rescore:
+        if chapter is not None or plot or table or (calibrate and rescore):
+            raise ConfigError(f"--{'calibrate' if calibrate else 'rescore'}: stands alone, beside --set for --rescore")
+        results.require_folders(folders or [], "report")
+        if calibrate:
+            raise typer.Exit(max([results.calibrate(folder) for folder in folders or []]))
+        for folder in folders or []:
+            results.rescore(folder, overrides or [], ["raybench", *sys.argv[1:]])
+        return
     own = [*(("plot", name) for name in plot or ()), *(("table", name) for name in table or ())]
     if chapter is None:
         results.report(folders or [], own, allow_imports)
@@ -202,7 +268,7 @@ def report(
         results.chapter(folders or [], chapter)
 
 
-@command(RESULTS)
+@former_command("rescore", "report --rescore")
 def rescore(
     folder: Folder,
     overrides: Annotated[
@@ -217,10 +283,10 @@ def rescore(
     results.rescore(folder, overrides or [], ["raybench", *sys.argv[1:]])
 
 
-@command(RESULTS)
+@former_command("merge", "archive A B")
 def merge(
     folders: Annotated[list[Path], typer.Argument(metavar="FOLDER", help="Results folders.")],
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", file_okay=False, help="A new folder for all of them.")],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", file_okay=False, help="A new folder for all of them.")],
     references: References = None,
 ) -> None:
     """Merge results folders into one, with a report. Times of several machines are kept apart."""
@@ -231,11 +297,18 @@ def merge(
 
 @command(RESULTS)
 def archive(
-    folder: Folder,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", file_okay=False, help="A new folder, or an archive to replace.")],
+    folders: Annotated[list[Path], typer.Argument(metavar="FOLDER...", help="A results folder; several are merged.")],
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="DIR", file_okay=False, help="A new folder, or an archive to replace.")
+    ],
     images: Annotated[
-        int, typer.Option(min=0, help="Images of a scene and shader: that many at the end, as many at equal time.")
-    ] = 2,
+        int | None,
+        typer.Option(
+            min=0,
+            help="Images of a scene and shader: that many at the end, as many at equal time. Merged folders keep theirs.",
+            show_default="2",
+        ),
+    ] = None,
     author: Annotated[
         list[str] | None, typer.Option(metavar="NAME", help="An author, as 'Kajiya, James'; may be repeated. By default none.")
     ] = None,
@@ -243,13 +316,22 @@ def archive(
     scenes: Annotated[bool, typer.Option(help="Include the files of scenes that do not come with raybench.")] = True,
     references: References = None,
 ) -> None:
-    """Copy results into a small folder for reviewers: few images, references, scenes, and how to replay and cite them."""
+    """Copy results into a small folder for reviewers: few images, references, scenes, and how to replay and cite them.
+
+    Several folders become one with all their images and a report; times of several machines are kept apart.
+    """
+    from engines.errors import ConfigError
     from harness.cli import results
 
-    results.archive(folder, out, images, author or (), licence, scenes)
+    if len(folders) > 1 and images is not None:
+        raise ConfigError(f"--images {images}: is for one folder: merged folders keep their images")
+    if len(folders) > 1:
+        results.merge(folders, out)
+    else:
+        results.archive(folders[0], out, 2 if images is None else images, author or (), licence, scenes)
 
 
-@command(RESULTS)
+@former_command("calibrate", "report --calibrate")
 def calibrate(folder: Folder, references: References = None) -> None:
     """Estimate the error rates of a run's verdicts from its own noise. Exit code 1 if a figure is outside its range."""
     from harness.cli import results
@@ -258,26 +340,21 @@ def calibrate(folder: Folder, references: References = None) -> None:
 
 
 command(RESULTS, SeveralFolders)(compare)
+command(RESULTS)(paper.table)
+command(RESULTS)(paper.figure)
+command(RESULTS)(replay.replay)
 
 
-@command(EXPERIMENTS)
-def status(folder: Folder) -> None:
-    """Show the progress of the run in a results folder, and what failed."""
-    from harness.cli import experiments
-
-    experiments.status(folder)
-
-
-@command(CHECKS)
+@command(ENGINES)
 def verify(
     engine: Annotated[
         list[str] | None,
         typer.Option(
             "--engine",
-            metavar="NAME",
-            help="An installed engine, module:attribute, or all. May be repeated.",
+            metavar="A,B",
+            help="Installed engines, module:attribute, or all. May be repeated.",
             show_default="numpy, numba, embree",
-            autocompletion=engines,
+            autocompletion=engine_lists,
         ),
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Fewer rays and parameters: a minute and a half.")] = False,
@@ -285,71 +362,127 @@ def verify(
         list[str] | None, typer.Option("--case", metavar="ID", help="Check only this case or section. May be repeated.")
     ] = None,
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Results folder.", show_default="results/verify")
+        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Results folder.", show_default="results/verify")
     ] = None,
     jobs: Annotated[
         int | None, typer.Option(min=1, help="Processes that run in parallel.", show_default="one per core, at most 8")
     ] = None,
+    against: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="ENGINE",
+            help="Instead bound the difference of the engines' images from this one's, in the mean and in any tile. Exit code "
+            "1 if they are different.",
+            autocompletion=engine_lists,
+        ),
+    ] = None,
+    scene: Annotated[
+        str, typer.Option(help="A scene.", autocompletion=shipped("scenes"), rich_help_panel=AGAINST)
+    ] = "cornell_box",
+    replicates: Replicates = 16,
+    spp: Spp = 16,
+    size: Annotated[Any, typer.Option(parser=parse_size, metavar="WxH", help="Pixels.", rich_help_panel=AGAINST)] = "64x64",
+    shader: EquivalenceShader = "path_tracer",
+    margin: Margin = 0.005,
+    tile_margin: TileMargin = 0.05,
+    seed: FirstSeed = 1,
+    same_seeds: SameSeeds = False,
+    define: Define = None,
     allow_imports: AllowImports = False,
+    allow_commands: AllowCommands = False,
+    allow_outside: AllowOutside = False,
 ) -> None:
     """Check engines with hard cases and known answers. Exit code 1 if a check fails, 2 if nothing was checked."""
+    from engines.errors import ConfigError
     from harness.verify.commands.verify import VerifyOptions
     from harness.verify.commands.verify import verify as run_verify
 
-    raise typer.Exit(run_verify(VerifyOptions(engine or [], quick, only or [], out, jobs, allow_imports)))
+    allowed = allow_imports, allow_commands, allow_outside
+    if against:
+        if not engine:
+            raise ConfigError(f"--against {','.join(against)}: --engine is expected, too")
+        image = replicates, spp, size, shader, (margin, tile_margin), seed, same_seeds
+        raise typer.Exit(_equivalence(scene, [*names(against), *names(engine)], *image, allowed, define))
+    raise typer.Exit(run_verify(VerifyOptions(names(engine), quick, only or [], out, jobs, allow_imports)))
 
 
-@command(CHECKS)
+def _equivalence(
+    scene: str,
+    engines: list[str],
+    replicates: int,
+    spp: int,
+    size: Any,
+    shader: str,
+    margins: tuple[float, float],
+    seed: int,
+    same_seeds: bool,
+    allowed: tuple[bool, bool, bool],
+    define: list[str] | None,
+) -> int:
+    """Bounds the difference of engines' images; 1 where they are different."""
+    from harness.statistics.equivalence import Margins
+    from harness.verify.commands.equivalence import EquivalenceOptions, compare
+
+    options = EquivalenceOptions(
+        scene, engines, replicates, spp, size, shader, Margins(*margins), seed, same_seeds, *allowed, parameters_of(define)
+    )
+    return compare(options)
+
+
+@former_command("equivalence", "verify --engine A --against B --scene SCENE")
 def equivalence(
     scene: Scene,
     engines: Annotated[
         str,
         typer.Option(
-            "--engines", metavar="A,B", help="Two or more engines; one twice is an A/A test.", autocompletion=engine_lists
+            "--engine", metavar="A,B", help="Two or more engines; one twice is an A/A test.", autocompletion=engine_lists
         ),
     ],
-    replicates: Annotated[int, typer.Option(help="Independent images per engine.")] = 16,
-    spp: Annotated[int, typer.Option(min=1, help="Samples per pixel of each image.")] = 16,
+    replicates: Replicates = 16,
+    spp: Spp = 16,
     size: Size = "64x64",
-    shader: Annotated[str, typer.Option(help="A shader's name.", autocompletion=choices("SHADERS"))] = "path_tracer",
-    margin: Annotated[float, typer.Option(help="Largest difference of image means that counts as equal, as a share.")] = 0.005,
-    tile_margin: Annotated[float, typer.Option(help="The same for tiles of 16x16 pixels.")] = 0.05,
-    seed: Annotated[int, typer.Option(help="The first seed.")] = 1,
-    same_seeds: Annotated[bool, typer.Option("--same-seeds", help="The same seeds for all: shared noise cancels.")] = False,
+    shader: EquivalenceShader = "path_tracer",
+    margin: Margin = 0.005,
+    tile_margin: TileMargin = 0.05,
+    seed: FirstSeed = 1,
+    same_seeds: SameSeeds = False,
     define: Define = None,
     allow_imports: AllowImports = False,
     allow_commands: AllowCommands = False,
     allow_outside: AllowOutside = False,
 ) -> None:
     """Bound the difference of engines' images, in the mean and in any tile. Exit code 1 if they are different."""
-    from harness.statistics.equivalence import Margins
-    from harness.verify.commands.equivalence import EquivalenceOptions, compare
-
-    names = [name.strip() for name in engines.split(",") if name.strip()]
-    margins, allowed = Margins(margin, tile_margin), (allow_imports, allow_commands, allow_outside)
-    options = EquivalenceOptions(
-        scene, names, replicates, spp, size, shader, margins, seed, same_seeds, *allowed, parameters_of(define)
-    )
-    raise typer.Exit(compare(options))
+    image = replicates, spp, size, shader, (margin, tile_margin), seed, same_seeds
+    raise typer.Exit(_equivalence(scene, names([engines]), *image, (allow_imports, allow_commands, allow_outside), define))
 
 
-command(CHECKS)(rays.trace)
-command(EXPERIMENTS)(paper.figure)
-command(EXPERIMENTS)(paper.table)
-command(EXPERIMENTS)(replay.replay)
-command(FILES)(conversion.export)
-command(FILES, name="import")(conversion.import_)
+former_command("trace", "race SCENE --rays all")(rays.trace)
+command(IMAGES)(conversion.convert)
+former_command("export", "convert SCENE -o FILE.xml, or .pbrt")(conversion.export)
+former_command("import", "convert SCENE.xml -o FOLDER")(conversion.import_)
 
 
-@command(FILES, name="list")
-def list_() -> None:
+@command(ENGINES, name="list")
+def list_(
+    schema: Annotated[
+        str | None,
+        typer.Option(
+            metavar="KIND",
+            help="Instead print the JSON schema of experiment or scene files, for editors: experiment or scene.",
+            autocompletion=words("experiment", "scene"),
+        ),
+    ] = None,
+) -> None:
     """List engines, shaders, samplers and accelerators with their options, scenes and experiments."""
-    from harness.cli.listing import show
+    from harness.cli.listing import print_schema, show
 
-    show()
+    if schema is None:
+        show()
+    else:
+        print_schema(schema)
 
 
-@command(FILES)
+@former_command("schema", "list --schema KIND")
 def schema(
     kind: Annotated[
         str,
@@ -357,16 +490,9 @@ def schema(
     ] = "experiment",
 ) -> None:
     """Print the JSON schema of experiment or scene files, for editors."""
-    import json
+    from harness.cli.listing import print_schema
 
-    from engines.errors import UnknownName
-    from engines.scene import scene_schema
-    from harness.config import experiment_schema
-
-    schemas = {"experiment": experiment_schema, "scene": scene_schema}
-    if kind not in schemas:
-        raise UnknownName("kind of file", kind, schemas)
-    typer.echo(json.dumps(schemas[kind](), indent=2))
+    print_schema(kind)
 
 
 def main() -> None:

@@ -37,8 +37,8 @@ def compare(
         list[Path] | None,
         typer.Option("--after", metavar="FOLDER...", help="Results folders after it. Three or more per side are tested."),
     ] = None,
-    everything: Annotated[bool, typer.Option("--all", help="Also show what did not change.")] = False,
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="Write all rows: .csv, .md or .tex.")] = None,
+    everything: Annotated[bool, typer.Option("--all", help="Also show images that did not change.")] = False,
+    output: Annotated[Path | None, typer.Option("--out", "-o", help="Write all rows: .csv, .md or .tex.")] = None,
     fail_on_regression: Annotated[
         bool,
         typer.Option("--fail-on-regression", help="Exit code 1 if something became slower or worse, failed or was flagged."),

@@ -1,4 +1,4 @@
-"""The commands `raybench export` and `raybench import`: scenes for other renderers, and from one."""
+"""The command `raybench convert`: scenes for other renderers, and from one; `export` and `import` are its former names."""
 
 from __future__ import annotations
 
@@ -8,6 +8,40 @@ from typing import Annotated
 import typer
 
 from harness.cli.options import AllowImports, AllowOutside, Define, Scene, parameters_of, words
+
+FORMATS = {".xml": "mitsuba", ".pbrt": "pbrt"}
+"""Suffixes of files for other renderers; a folder, or scene.yaml in it, is a raybench scene."""
+
+
+def convert(
+    scene: Scene,
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--out",
+            "-o",
+            metavar="FILE|DIR",
+            help="A .xml for Mitsuba 3, a .pbrt for pbrt-v4, or a folder for a raybench scene: scene.yaml in it is replaced.",
+        ),
+    ],
+    max_depth: Annotated[int, typer.Option(min=1, help="Largest number of segments of a path, for other renderers.")] = 6,
+    spp: Annotated[int, typer.Option(min=1, help="Samples per pixel, for other renderers.")] = 64,
+    define: Define = None,
+    allow_imports: AllowImports = False,
+    allow_outside: AllowOutside = False,
+) -> None:
+    """Convert a scene to Mitsuba's or pbrt's format, or one of Mitsuba's, or a mesh, to raybench's."""
+    from engines.errors import ConfigError
+
+    suffix = output.suffix.lower()
+    if suffix in FORMATS:
+        export(scene, FORMATS[suffix], output, max_depth, spp, define, allow_imports, allow_outside)
+    elif output.name in ("scene.yaml", "scene.yml"):
+        _write_scene(scene, output.parent, define, allow_imports, allow_outside)
+    elif not suffix or output.is_dir():
+        _write_scene(scene, output, define, allow_imports, allow_outside)
+    else:
+        raise ConfigError(f"-o {output}: a file that ends in .xml or .pbrt is expected, or a folder")
 
 
 def export(
@@ -21,7 +55,7 @@ def export(
             autocompletion=words("mitsuba", "pbrt"),
         ),
     ],
-    output: Annotated[Path, typer.Option("-o", "--output", help="A file, or a folder for it; meshes go beside it.")],
+    output: Annotated[Path, typer.Option("--out", "-o", help="A file, or a folder for it; meshes go beside it.")],
     max_depth: Annotated[int, typer.Option(min=1, help="Largest number of segments of a path.")] = 6,
     spp: Annotated[int, typer.Option(min=1, help="Samples per pixel.")] = 64,
     define: Define = None,
@@ -39,20 +73,27 @@ def export(
 
 def import_(
     scene: Annotated[str, typer.Argument(metavar="SCENE", help="A Mitsuba file, of version 0.4 to 3.x.")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="A folder; scene.yaml in it is replaced.")],
+    output: Annotated[Path, typer.Option("--out", "-o", help="A folder; scene.yaml in it is replaced.")],
     define: Define = None,
     allow_outside: AllowOutside = False,
 ) -> None:
     """Write a Mitsuba scene as a raybench scene: YAML, with its meshes and images beside it."""
     from engines.errors import ConfigError
+    from harness.config import paths
+
+    if paths.find("scenes", scene).suffix.lower() != ".xml":
+        raise ConfigError(f"{scene}: a Mitsuba file, .xml, is expected")
+    _write_scene(scene, output, define, False, allow_outside)
+
+
+def _write_scene(scene: str, output: Path, define: list[str] | None, allow_imports: bool, allow_outside: bool) -> None:
+    """Writes a raybench scene into a folder."""
     from engines.scene import load_scene, save_scene
     from harness.config import paths
     from harness.console import consoles
 
     file = paths.find("scenes", scene)
-    if file.suffix.lower() != ".xml":
-        raise ConfigError(f"{scene}: a Mitsuba file, .xml, is expected")
-    held = load_scene(file, allow_outside=allow_outside, parameters=parameters_of(define))
+    held = load_scene(file, allow_imports, allow_outside, parameters_of(define))
     for warning in held.warnings:
         consoles()[1].print(f"warning: {file}: {warning}", style="yellow", markup=False, soft_wrap=True)
     typer.echo(f"written: {save_scene(held, output)}")

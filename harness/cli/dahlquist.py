@@ -1,4 +1,4 @@
-"""`raybench dahlquist`: a frame, or an animation, of Dahlquist's ray tracer."""
+"""`raybench render dahlquist`: a frame, or an animation, of Dahlquist's ray tracer."""
 
 from __future__ import annotations
 

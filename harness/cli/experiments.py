@@ -58,13 +58,13 @@ def run(
     stdout, stderr = consoles()
     experiment = config.load(given, overrides)
     folder = results_folder(experiment, out)
+    plan = planner.make(experiment, options.allow_imports, options.allow_commands, options.allow_outside)
     signal.signal(signal.SIGTERM, _interrupt)
     try:
         with store.locked(folder):
             if fresh:
                 store.clear(folder)
             _refuse_merged(folder)
-            plan = planner.make(experiment, options.allow_imports, options.allow_commands, options.allow_outside)
             _warn(plan, stderr)
             with terminal(stderr, plan) as listener:
                 outcome = sweep.run(plan, folder, options, listener)
@@ -88,7 +88,7 @@ def run(
 def _refuse_merged(folder: Path) -> None:
     """A merged folder's cells have other ids: a run would put them all aside."""
     if (folder / store.MANIFEST).exists() and store.read_manifest(folder).merged:
-        raise ConfigError(f"{folder}: was made by `raybench merge`: run into another folder and merge again")
+        raise ConfigError(f"{folder}: was merged by `raybench archive`: run into another folder and merge again")
 
 
 def _interrupt(signum: int, frame: Any) -> None:

@@ -1,4 +1,4 @@
-"""The commands `raybench render` and `raybench dahlquist`."""
+"""The command `raybench render`, which also draws Dahlquist's frames."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from harness.cli.options import (
     AllowCommands,
     AllowImports,
     AllowOutside,
+    Command,
     Define,
     Scene,
     Size,
@@ -23,7 +24,27 @@ from harness.cli.options import (
 )
 from harness.cli.options import choices as named
 
+DAHLQUIST = "dahlquist"
 _FILE = "Image file: .exr, .png, .jpg (quality 95), .bmp, .tif or .webp (lossless)."
+
+
+class Render(Command):
+    """`render dahlquist` draws the frames of the program, not the scene of that name, unless it is asked for samples, a shader
+    or anything else that the program has not."""
+
+    def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
+        port = parent.command.commands[DAHLQUIST] if parent is not None and args[:1] == [DAHLQUIST] else None
+        if port is None or not _all_known(args[1:], port):
+            return super().make_context(info_name, args, parent, **extra)
+        return port.make_context(f"render {DAHLQUIST}", args[1:], parent, **extra)
+
+
+def _all_known(args: list[str], command: Any) -> bool:
+    """Whether a command has all options that are given, and the engine is one of its."""
+    options = {option for param in command.params for option in param.opts} | {"-h", "--help", "--output"}
+    given = [word.partition("=")[0] for word in args if word.startswith("-")]
+    engine = args[args.index("--engine") + 1 :][:1] if "--engine" in args else []
+    return set(given) <= options and engine in ([], ["numpy"], ["numba"])
 
 
 def render(
@@ -64,13 +85,16 @@ def render(
             help="linear, srgb, reinhard, aces or module:attribute; not for .exr.", autocompletion=named("TONE_MAPPERS")
         ),
     ] = "srgb",
-    output: Annotated[Path | None, typer.Option("-o", "--output", help=_FILE, show_default="<scene>.exr")] = None,
+    output: Annotated[Path | None, typer.Option("--out", "-o", help=_FILE, show_default="<scene>.exr")] = None,
     define: Define = None,
     allow_imports: AllowImports = False,
     allow_commands: AllowCommands = False,
     allow_outside: AllowOutside = False,
 ) -> None:
-    """Render one image: .exr (linear, with variance and both halves), or 8-bit .png, .jpg, .bmp, .tif or .webp."""
+    """Render one image: .exr (linear, with variance and both halves), or 8-bit .png, .jpg, .bmp, .tif or .webp.
+
+    `render dahlquist` draws frames of N. Dahlquist's ray tracer: see `render dahlquist -h`.
+    """
     from harness.cli.render import Request
     from harness.cli.render import render as rendered
 
@@ -111,7 +135,7 @@ def dahlquist(
     ] = None,
     fps: Annotated[float, typer.Option(help="Frames per second of a .gif or .mp4.")] = 25.0,
     output: Annotated[
-        Path, typer.Option("-o", "--output", help="PNG file, whose alpha is 255 on a ball and 254 on the background.")
+        Path, typer.Option("--out", "-o", help="PNG file, whose alpha is 255 on a ball and 254 on the background.")
     ] = Path("dahlquist.png"),
 ) -> None:
     """Draw the frames of N. Dahlquist's Android ray tracer (2012), byte for byte."""

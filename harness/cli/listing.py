@@ -58,6 +58,22 @@ def show() -> None:
     console.print(experiments)
 
 
+def print_schema(kind: str) -> None:
+    """Prints the JSON schema of a kind of file, experiment or scene."""
+    import json
+
+    import typer
+
+    from engines.errors import UnknownName
+    from engines.scene import scene_schema
+    from harness.config import experiment_schema
+
+    schemas = {"experiment": experiment_schema, "scene": scene_schema}
+    if kind not in schemas:
+        raise UnknownName("kind of file", kind, schemas)
+    typer.echo(json.dumps(schemas[kind](), indent=2))
+
+
 def _version(version: str) -> str:
     """An adapter's version is followed by that of its package."""
     own, _, package = version.partition("+")

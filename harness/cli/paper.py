@@ -17,7 +17,7 @@ VALUES = ("ratio", "seconds", "error", "spp")
 def figure(
     folder: Folder,
     scene: Annotated[str, typer.Option(metavar="SCENE", help="The scene to show.")],
-    output: Annotated[Path, typer.Option("-o", "--out", "--output", help="The file: .pdf, .png or .svg.")],
+    output: Annotated[Path, typer.Option("--out", "-o", help="The file: .pdf, .png or .svg.")],
     crops: Annotated[
         Optional[list[str]],  # noqa: UP045
         typer.Option(metavar="X,Y,W,H", help="A crop in pixels; may be repeated. By default two squares of high contrast."),
@@ -100,7 +100,7 @@ def table(
     ] = None,
     output: Annotated[
         Optional[Path],  # noqa: UP045
-        typer.Option("-o", "--out", "--output", help="The file: .tex, .md, .csv or .html.", show_default="standard output"),
+        typer.Option("--out", "-o", help="The file: .tex, .md, .csv or .html.", show_default="standard output"),
     ] = None,
 ) -> None:
     """Print a table for a paper: a value with any two settings as rows and columns, with intervals."""

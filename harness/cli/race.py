@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from harness.cli import rays as by_rays
 from harness.cli.options import (
     AllowCommands,
     AllowImports,
@@ -31,15 +32,12 @@ if TYPE_CHECKING:
     from engines.interface import Engine
     from engines.scene import Scene
 
-PIXELS = 96 * 96
+PIXELS = 64 * 64
 """About so many has an image where no size is given."""
 SAMPLERS = ("sobol", "orthogonal", "stratified", "random")
 """Where none is named: the first that all engines have, else of each engine the first that it has."""
 ERROR_SHARE = 0.5
 """A cell ends at this share of the smallest target: what may happen to its error later does not move the time to the target."""
-RAY_KINDS = ("camera", "shadow", "incoherent")
-RAY_ENGINES = ("numpy", "numba", "embree", "embreex_batch")
-"""Those that are compared by rays where none is named."""
 
 _SEVERAL = "Separated by commas; may be repeated."
 
@@ -83,7 +81,7 @@ def race(
         list[str] | None, typer.Option("--to", metavar="ERROR,...", help="Targets: errors in relMSE.", show_default="0.03,0.01")
     ] = None,
     size: Annotated[
-        Any | None, typer.Option(parser=parse_size, metavar="WxH", help="Pixels.", show_default="some 96x96, in shape")
+        Any | None, typer.Option(parser=parse_size, metavar="WxH", help="Pixels.", show_default="some 64x64, in shape")
     ] = None,
     time: Annotated[
         str | None, typer.Option(metavar="TIME", help="Most time inside render calls, per cell.", show_default="2s")
@@ -96,9 +94,10 @@ def race(
         typer.Option(
             metavar="SET,...",
             help="Race by rays, not by images: camera, shadow, incoherent, or all.",
-            autocompletion=words(*RAY_KINDS, "all"),
+            autocompletion=words(*by_rays.RAY_KINDS, "all"),
         ),
     ] = None,
+    json: Annotated[bool, typer.Option("--json", help="Of rays: print the rows of the table as JSON.")] = False,
     overrides: Set = None,
     save: Annotated[Path | None, typer.Option(metavar="FILE", dir_okay=False, help="Keep the experiment: .yaml.")] = None,
     out: Out = None,
@@ -121,13 +120,17 @@ def race(
 
     allow_here(allow_imports)
     given = {"engine": engine, "shader": shader, "sampler": sampler, "accelerator": accelerator}
+    if json and not rays:
+        raise ConfigError("--json: is for --rays; open_results and points.csv have the figures of images")
     given |= {"precision": precision, "threads": threads, "rays": rays}
     axes = {name: _values(f"--{name}", texts) for name, texts in given.items() if texts}
     targets = _values("--to", to) if to else [0.03, 0.01]
     parameters, allowed = parameters_of(define), (allow_imports, allow_commands, allow_outside)
     scenes = [{"file": each, "parameters": parameters} for each in scene] if parameters else scene
     if rays:
-        written, notes = _by_rays(scenes, axes), []
+        kinds = [*by_rays.RAY_KINDS] if "all" in axes["rays"] else axes["rays"]
+        axes = {"engine": [*by_rays.ENGINES], **axes, "rays": kinds}
+        written, notes = {**by_rays.experiment(scenes, axes), "name": _name(scenes, {"rays": kinds})}, []
     else:
         written, notes = _by_images(scenes, axes, targets, size, allowed)
     if time is not None:
@@ -141,7 +144,7 @@ def race(
         consoles()[1].print(note, markup=False, soft_wrap=True)
     options = Options(False, False, *allowed, ["raybench", *sys.argv[1:]])
     if rays:
-        raise typer.Exit(experiments.run(file, out, overrides or [], fresh, options))
+        raise typer.Exit(by_rays.measure(file, out, overrides or [], fresh, options, json))
     raise typer.Exit(experiments.run(file, out, overrides or [], fresh, options, terminal=RaceTerminal, answer=print_answer))
 
 
@@ -150,9 +153,15 @@ def _values(option: str, texts: Sequence[str]) -> list[Any]:
     from engines.errors import ConfigError
     from engines.schema.yaml_file import parse_yaml
 
-    found = [value for text in texts for value in parse_yaml(f"[{text}]", option, ConfigError).plain()]
-    if not found:
-        raise ConfigError(f"{option} {' '.join(texts)}: a value is expected")
+    found: list[Any] = []
+    for text in texts:
+        try:
+            values = parse_yaml(f"[{text}]", option, ConfigError).plain()
+        except ConfigError:
+            values = None
+        if not values or None in values:
+            raise ConfigError(f"{option} {text}: names separated by commas are expected, or {{name: ..., option: value}}")
+        found += values
     return list({str(value): value for value in found}.values())
 
 
@@ -167,19 +176,6 @@ def _word(value: Any) -> str:
     return " ".join(str(each) for each in value.values()) if isinstance(value, dict) else str(value)
 
 
-def _by_rays(scenes: list[Any], axes: dict[str, list[Any]]) -> dict[str, Any]:
-    """The experiment of a race by rays."""
-    kinds = [*RAY_KINDS] if "all" in axes["rays"] else axes["rays"]
-    return {
-        "raybench_experiment": 1,
-        "name": _name(scenes, axes),
-        "matrix": {"scene": scenes, "engine": [*RAY_ENGINES], **axes, "rays": kinds},
-        "budget": {"max_time": "500ms"},
-        "repeats": 5,
-        "remeasure": 0,
-    }
-
-
 def _by_images(
     scenes: list[Any],
     axes: dict[str, list[Any]],
@@ -189,14 +185,16 @@ def _by_images(
 ) -> tuple[dict[str, Any], list[str]]:
     """The experiment of a race by images, and what is to be said of the settings that were chosen."""
     from engines.errors import ConfigError
+    from engines.registry import lineage_of
     from harness.measure.machine import usable_cores
 
     if not all(isinstance(each, (int, float)) and not isinstance(each, bool) and 0 < each < math.inf for each in targets):
         raise ConfigError(f"--to {','.join(map(str, targets))}: errors above zero are expected, as 0.03,0.01")
+    name = _name(scenes, axes)
     axes = {"engine": ["numba"], "threads": [len(usable_cores())], **axes}
     engines = _engines(axes["engine"], allowed)
     loaded = [_scene(each, allowed) for each in scenes]
-    written: dict[str, Any] = {"raybench_experiment": 1, "name": _name(scenes, axes)}
+    written: dict[str, Any] = {"raybench_experiment": 1, "name": name}
     matrix: dict[str, Any] = {"scene": scenes, **axes}
     zips: list[dict[str, list[Any]]] = []
     notes: list[str] = []
@@ -219,6 +217,9 @@ def _by_images(
             zips.append({"engine": matrix.pop("engine"), "sampler": [*own.values()]})
             notes.append(f"sampler: {', '.join(f'{name} {sampler}' for name, sampler in own.items())}")
     written |= {"matrix": matrix, **({"zip": zips[0] if len(zips) == 1 else zips} if zips else {})}
+    if len({lineage_of(engine) for engine in engines.values()}) > 1:
+        # Too few images to show that engines draw the same: those that are not biased against the reference are ranked.
+        written["division"] = "open"
     # A reference in the precision of the cells shares their compiled code; its rounding is far below any target.
     precisions = matrix.get("precision", [])
     reference = {"precision": "float32"} if precisions == ["float32"] else {}
@@ -270,7 +271,15 @@ def _why_not(engine: Engine, scene: Scene, sampler: str, precision: str, allowed
 
     width, height = scene.camera.resolution
     shader = Choice.of(scene.shader) if scene.shader is not None else Choice("path_tracer")
-    given = CellSettings(shader, Choice(sampler), Choice("auto"), precision, 1, int(width), int(height))
+    given = CellSettings(
+        shader=shader,
+        sampler=Choice(sampler),
+        accelerator=Choice("auto"),
+        precision=precision,
+        threads=1,
+        width=int(width),
+        height=int(height),
+    )
     return answers.why_not(engine, scene, given, allowed[0])
 
 

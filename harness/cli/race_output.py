@@ -117,12 +117,14 @@ def print_answer(console: Console, analysis: Analysis) -> None:
     for panel in panels(analysis):
         table = Table(*columns, title=escape(panel.title), title_justify="left", box=None, header_style="bold")
         for target in analysis.results.targets:
-            for row in sorted(standing(analysis, panel, target).rows, key=lambda row: (not row.reached, row.seconds)):
+            found = standing(analysis, panel, target)
+            repeats = {each.contestant.name: len(each.contestant.done) for each in panel.verdicts}
+            for row in sorted(found.rows, key=lambda row: (not row.reached, row.seconds)):
                 ratio = estimate_text(estimate_of(row, "ratio")) if math.isfinite(row.ratio) else ""
                 cells = (
                     number_text(target),
                     escape(row.contestant),
-                    f"{row.reached}/{row.blocks}",
+                    f"{row.reached}/{repeats[row.contestant]}",
                     estimate_text(estimate_of(row, "seconds")) if row.reached else "",
                     ratio,
                     escape(row.baseline) if ratio else "",

@@ -1,10 +1,12 @@
-"""The command `raybench trace`: engines compared by the rays that they trace, and by their wrong answers."""
+"""Engines compared by the rays that they trace, and by their wrong answers: for `raybench race --rays`, and the command `trace`
+that it replaces."""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -13,7 +15,8 @@ from harness.cli.options import AllowCommands, AllowImports, AllowOutside, Defin
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from harness.run.sweep import Outcome
+    from harness.config import ConfigFile
+    from harness.run.sweep import Options, Outcome
 
 RAY_KINDS = ("camera", "shadow", "incoherent")
 ENGINES = ("numpy", "numba", "embree", "embreex_batch")
@@ -66,7 +69,7 @@ def trace(
         ),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Results folder.", show_default="results/trace")
+        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Results folder.", show_default="results/trace")
     ] = None,
     define: Define = None,
     json: Annotated[bool, typer.Option("--json", help="Print the rows of the table as JSON.")] = False,
@@ -77,38 +80,49 @@ def trace(
     """Compare engines by rays: million rays per second, wrong hits, misses and leaks. An experiment of one line."""
     from engines.errors import ConfigError
     from engines.schema.yaml_file import locate, parse_yaml
-    from harness.cli import experiments
-    from harness.config import SCHEMA_VERSION, ConfigFile
+    from harness.config import ConfigFile
     from harness.run.sweep import Options
 
     parameters = parameters_of(define)
-    matrix = {
-        "scene": [{"file": each, "parameters": parameters} for each in scene] if parameters else scene,
+    axes = {
         "rays": rays or [*RAY_KINDS],
         "engine": engine or [*ENGINES],
         "accelerator": [parse_yaml(each, "--accelerator", ConfigError).plain() for each in accelerator or []],
-        "precision": precision,
-        "threads": threads,
+        "precision": precision or [],
+        "threads": threads or [],
     }
     written = {
-        "raybench_experiment": SCHEMA_VERSION,
-        "matrix": {key: values for key, values in matrix.items() if values},
+        **experiment([{"file": each, "parameters": parameters} for each in scene] if parameters else scene, axes),
         "ray_sets": {"count": count, "batch": batch, "bounces": bounces, "checked": checked, "hard": hard},
         "budget": {"max_time": max_time},
         "repeats": repeats,
-        "remeasure": 0,
         "seed": seed,
         "baseline": baseline,
     }
     file = ConfigFile(locate(written, "", ConfigError), Path("trace"), "")
-    options = Options(
-        allow_imports=allow_imports,
-        allow_outside=allow_outside,
-        command=["raybench", *sys.argv[1:]],
-        allow_commands=allow_commands,
-    )
+    options = Options(False, False, allow_imports, allow_commands, allow_outside, ["raybench", *sys.argv[1:]])
+    raise typer.Exit(measure(file, out, [], False, options, json))
+
+
+def experiment(scenes: list[Any], axes: Mapping[str, list[Any]]) -> dict[str, Any]:
+    """The experiment of a comparison by rays."""
+    return {
+        "raybench_experiment": 1,
+        "matrix": {"scene": scenes, **{key: values for key, values in axes.items() if values}},
+        "budget": {"max_time": "500ms"},
+        "repeats": 5,
+        "remeasure": 0,
+    }
+
+
+def measure(file: ConfigFile, out: Path | None, overrides: list[str], fresh: bool, options: Options, json: bool) -> int:
+    """Runs a comparison by rays; the exit code, 2 where no cell was measured. `json`: the rows of the table are printed so."""
+    from harness import config
+    from harness.cli import experiments
+
+    folder = experiments.results_folder(config.load(file, overrides), out)
     summary = _print_rows if json else experiments.print_summary
-    raise typer.Exit(experiments.run(file, out, [], False, options, summary) or _declined(out or Path("results/trace")))
+    return experiments.run(file, folder, overrides, fresh, options, summary) or _declined(folder)
 
 
 def _print_rows(console: Console, outcome: Outcome, folder: Path) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,13 +21,21 @@ if TYPE_CHECKING:
     from harness.analysis import Analysis
     from harness.report.plugins import Plugin
 
-NO_CHANGE = ("same", "unresolved", "identical", "equivalent")
-"""Verdicts that `compare` leaves out unless it is asked for everything."""
+NO_CHANGE = ("identical", "equivalent", "unresolved")
+"""Verdicts on images that `compare` leaves out unless it is asked for everything; ratios it shows all."""
 
 
 def require_results(folder: Path) -> None:
     if store.events_file(folder) is None:
         raise ConfigError(f"{folder}: no {store.EVENTS} is there: a folder written by `raybench run` is expected")
+
+
+def require_folders(folders: Sequence[Path], where: str) -> None:
+    """Refuses no folders, and folders without results."""
+    if not folders:
+        raise ConfigError(f"{where}: a results folder is missing")
+    for folder in folders:
+        require_results(folder)
 
 
 def analysed(folder: Path) -> Analysis:
@@ -58,10 +65,7 @@ def _plugins(own: Sequence[tuple[str, str]], allow_imports: bool) -> list[Plugin
 
 def report(folders: Sequence[Path], own: Sequence[tuple[str, str]] = (), allow_imports: bool = False) -> None:
     """Writes everything derived from results folders anew, with plots and tables of the user's `own`: (kind, name)."""
-    if not folders:
-        raise ConfigError("report: a results folder is missing")
-    for folder in folders:
-        require_results(folder)
+    require_folders(folders, "report")
     plugins = _plugins(own, allow_imports)
     for folder in folders:
         write_derived(folder, plugins)
@@ -72,10 +76,7 @@ def chapter(folders: Sequence[Path], target: Path) -> None:
     """Writes the chapter about results folders, in order."""
     from harness.report.chapter import write_chapter
 
-    if not folders:
-        raise ConfigError(f"--chapter {target}: a results folder is missing")
-    for folder in folders:
-        require_results(folder)
+    require_folders(folders, f"--chapter {target}")
     if target.exists() and not target.is_dir():
         raise ConfigError(f"--chapter {target}: is a file; a folder is expected")
     for written in write_chapter(folders, target):
@@ -145,7 +146,7 @@ def calibrate(folder: Path) -> int:
 def compare(
     before: Sequence[Path], after: Sequence[Path], everything: bool, output: Path | None, threshold: float | None
 ) -> int:
-    """Prints what changed between two sides of results folders, or all that was compared; the number of regressions."""
+    """Prints the ratios of two sides of results folders, and the images that changed, or all; the number of regressions."""
     from harness.report.tables import TEXTS, cell_text, changes
     from harness.store.results import load_results
 
@@ -154,7 +155,7 @@ def compare(
         require_results(folder)
     old, new = ([load_results(folder) for folder in side] for side in (before, after))
     changed = changes(old, new, threshold)
-    shown = [row for row in changed.rows if everything or row["verdict"] not in NO_CHANGE]
+    shown = [row for row in changed.rows if everything or row.get("ratio") or row["verdict"] not in NO_CHANGE]
     console = consoles()[0]
     console.print(changed.note, markup=False, soft_wrap=True)
     if shown:
@@ -163,9 +164,10 @@ def compare(
         for row in shown:
             table.add_row(*(escape(cell_text(column, row.get(column.name))) for column in columns))
         console.print(table)
-    counts = Counter(str(row["verdict"]) for row in changed.rows)
-    counted = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items()))
-    console.print(f"{counted or 'nothing to compare'}.", soft_wrap=True)
+    if not changed.rows:
+        console.print("Nothing to compare.")
+    elif left := len(changed.rows) - len(shown):
+        console.print(f"{left} images show no change; --all lists them.")
     if any(results.ray_cells for results in (*old, *new)):
         console.print("Cells that trace rays are not compared between folders.")
     if output is not None and suffix is not None:

@@ -69,7 +69,7 @@ class Cell:
     def command(self, spp: int) -> str:
         """The command that renders `spp` samples of this cell again, to the bit, or that traces its rays again."""
         settings = self.settings
-        words = ["raybench", "render" if self.ray_set is None else "trace", _scene_word(self.scene)]
+        words = ["raybench", "render" if self.ray_set is None else "race", _scene_word(self.scene)]
         words += ["--engine", _engine_word(self.engine)]
         for name, value in self.scene.parameters:
             words += ["-D", f"{name}={value}"]

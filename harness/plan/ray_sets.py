@@ -36,7 +36,9 @@ class PlannedRaySet:
         return f"{self.scene.name}, {self.config.count} {self.kind} rays"
 
     def options(self, budget: Budget) -> list[str]:
-        """The options of `raybench trace` for one measurement of the set."""
-        sizes = [word for name, value in self.spec.items() for word in (f"--{name}", str(value))]
-        batch = ["--batch", str(self.config.batch)] if self.config.batch else []
-        return [*sizes, *batch, "--max-time", DURATION.write(budget.max_time_seconds), "--repeats", "1"]
+        """The options of `raybench race` for one measurement of the set."""
+        sizes = {name: value for name, value in self.spec.items() if name not in ("rays", "seed")}
+        sizes |= {"batch": self.config.batch} if self.config.batch else {}
+        changes = [f"seed={self.seed}", *(f"ray_sets.{name}={value}" for name, value in sizes.items())]
+        words = ["--rays", self.kind, "--time", DURATION.write(budget.max_time_seconds), "--repeats", "1"]
+        return [*words, *(word for change in changes for word in ("--set", change))]

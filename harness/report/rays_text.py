@@ -1,4 +1,4 @@
-"""The table of contestants that trace rays as lines of text, which `raybench run` and `raybench trace` end with."""
+"""The table of contestants that trace rays as lines of text, which `raybench run` and `raybench race --rays` end with."""
 
 from __future__ import annotations
 

@@ -101,7 +101,7 @@ def test_races_without_twins_are_named(folders):
 
 
 def test_the_command_prints_six_figures_and_the_report_shows_them(folders):
-    done = sweeping.raybench("calibrate", folders[1])
+    done = sweeping.raybench("report", "--calibrate", folders[1])
     assert done.returncode == 0, done.stderr
     analysis = analyse(load_results(folders[1]))
     page = report_html(analysis, all_tables(analysis), [])
@@ -122,7 +122,7 @@ def test_a_missed_figure_is_exit_code_1(folders, tmp_path):
     kept = store.last_event(events, Calibration)
     narrow = kept.replaced(races=kept.races._replace(coverage=0.8))
     (broken / store.EVENTS).write_bytes(b"".join(map(line_of, [*events, narrow])))
-    done = sweeping.raybench("calibrate", broken)
+    done = sweeping.raybench("report", "--calibrate", broken)
     assert done.returncode == 1 and "missed" in done.stdout
 
 
@@ -138,5 +138,5 @@ def test_a_run_that_is_too_small_is_told_so(tmp_path):
 def test_bad_input_is_one_line_and_exit_code_2(tmp_path, text):
     if text is not None:
         (tmp_path / store.EVENTS).write_text(text)
-    done = sweeping.raybench("calibrate", tmp_path)
+    done = sweeping.raybench("report", "--calibrate", tmp_path)
     assert done.returncode == 2 and "Traceback" not in done.stderr and str(tmp_path) in done.stderr

@@ -184,13 +184,15 @@ def test_a_certificate_of_the_references_own_lineage_certifies_nothing(made):
 
 def test_the_command_certifies_and_refuses(tmp_path):
     for name, code, said in (("Other", 0, ": certified by"), ("Brighter", 1, "REFUTED")):
-        done = raybench("reference", sweeping.write(tmp_path, certified_by(fake(name))), "--allow-imports", cwd=tmp_path)
+        done = raybench(
+            "run", "--only", "references", sweeping.write(tmp_path, certified_by(fake(name))), "--allow-imports", cwd=tmp_path
+        )
         assert done.returncode == code and said in done.stdout, done.stdout + done.stderr
 
 
 def test_a_second_engine_that_crashes_is_one_line_and_the_reference_stays(tmp_path):
     path = sweeping.write(tmp_path, certified_by(fake("Crashing"), spp=8))
-    done = raybench("reference", path, "--allow-imports", cwd=tmp_path)
+    done = raybench("run", "--only", "references", path, "--allow-imports", cwd=tmp_path)
     assert done.returncode == 1 and "Traceback" not in done.stderr
     assert "failed: the engine's process was killed by SIGSEGV" in done.stdout and "ball 12x8 8 spp: made" in done.stdout
 

@@ -10,9 +10,11 @@ from types import SimpleNamespace
 
 import pytest
 from rich.console import Console
+from typer.testing import CliRunner
 
 from engines.choices import Choice
 from engines.image import read_film_layers, read_provenance
+from harness.cli import app
 from harness.measure.machine import usable_cores
 from harness.run import progress
 from harness.settings import CellSettings
@@ -20,7 +22,22 @@ from tests.harness import sweeping
 from tests.harness.sweeping import raybench
 from tests.needs import needs
 
-VERBS = ("run", "plan", "reference", "render", "report", "rescore", "merge", "compare", "status", "export", "list", "schema")
+VERBS = (
+    "race",
+    "run",
+    "plan",
+    "status",
+    "report",
+    "compare",
+    "figure",
+    "archive",
+    "render",
+    "view",
+    "convert",
+    "verify",
+    "list",
+)
+FORMER = ("reference", "rescore", "calibrate", "merge", "equivalence", "trace", "dahlquist", "schema", "export", "import")
 
 
 def ended(done, code):
@@ -33,7 +50,20 @@ def test_help_names_every_verb_and_the_exit_codes():
     said = subprocess.run(
         [sys.executable, "-m", "harness", "--help"], env=sweeping.environment(), capture_output=True, text=True, check=True
     ).stdout
-    assert all(verb in said for verb in VERBS) and "Exit codes" in said
+    assert all(f"│ {verb} " in said for verb in VERBS) and "Exit codes" in said
+    assert not any(f"│ {verb} " in said for verb in FORMER)
+
+
+def test_former_commands_and_options_work_and_name_the_new_ones():
+    for verb in FORMER:
+        done = CliRunner().invoke(app, [verb, "-h"])
+        assert done.exit_code == 0 and f"note: `raybench {verb}` is now `raybench " in done.stderr
+    done = CliRunner().invoke(app, ["schema", "scene"])
+    assert done.exit_code == 0 and json.loads(done.stdout) == json.loads(
+        CliRunner().invoke(app, ["list", "--schema", "scene"]).stdout
+    )
+    done = CliRunner().invoke(app, ["compare", "--output=here.jpg", "a", "b"])
+    assert "--output is now --out" in done.stderr and "-o here.jpg: must end in" in str(done.exception)
 
 
 @pytest.mark.parametrize("verb", VERBS)
@@ -54,10 +84,9 @@ def test_the_shell_completes_commands_and_the_names_of_scenes():
 
     assert completed("raybench pla").split() == ["plan"]
     assert "cornell_box" in completed("raybench render corn").split()
-    assert completed("raybench schema sc").split() == ["scene"]
-    assert completed("raybench export cornell_box --to p").split() == ["pbrt"]
-    assert completed("raybench equivalence cornell_box --engines numpy,numb").split() == ["numpy,numba"]
-    assert completed("raybench equivalence cornell_box --shader path").split() == ["path_tracer"]
+    assert completed("raybench list --schema sc").split() == ["scene"]
+    assert completed("raybench race cornell_box --engine numpy,numb").split() == ["numpy,numba"]
+    assert completed("raybench verify --against numba --shader path").split() == ["path_tracer"]
 
 
 @pytest.mark.parametrize("width", [80, 200])
@@ -67,7 +96,7 @@ def test_progress_shows_counts_time_left_and_samples_whole_at_any_width(width):
     cell = SimpleNamespace(scene=SimpleNamespace(name="a_long_scene"), engine_name="numba", settings=settings, seed=1, label="")
     with progress.Terminal(Console(file=out, force_terminal=True, width=width, color_system=None)) as terminal:
         terminal.cell(cell, 12, 340, 4000.0)
-        terminal.point(256, 3.2)
+        terminal.point(256, 3.2, 0.1)
     drawn = out.getvalue().rpartition("\r\x1b[2K")[0].rpartition("\r\x1b[2K")[2]
     assert "12/340 at most 1 h 6 min left: 256 spp in 3 s, a_long_scene" in drawn and len(drawn) <= width
 
@@ -241,7 +270,9 @@ def test_status_and_report_read_the_folder(finished):
 def test_reference_renders_references_alone(tmp_path):
     path = sweeping.write(tmp_path)
     for words in ("made in", "ready in"):
-        said = ended(raybench("reference", path, "--allow-imports", "--references", tmp_path / "refs", cwd=tmp_path), 0)
+        said = ended(
+            raybench("run", "--only", "references", path, "--allow-imports", "--references", tmp_path / "refs", cwd=tmp_path), 0
+        )
         assert f"{words} {tmp_path / 'refs'}" in said
     assert not (tmp_path / "results" / "small" / "events.jsonl").exists()
 
@@ -263,7 +294,7 @@ def test_list_names_everything():
 
 
 def test_the_schema_is_json():
-    assert json.loads(ended(raybench("schema"), 0))["title"] == "raybench experiment"
+    assert json.loads(ended(raybench("list", "--schema", "experiment"), 0))["title"] == "raybench experiment"
 
 
 def test_a_closed_pipe_is_no_error():

@@ -61,7 +61,7 @@ def merged(here, there):
 def commanded(here, there):
     """What the command printed, and the folder that it wrote."""
     out = here.parent / "out"
-    return raybench("merge", here, there, "--out", out, RAYBENCH_PLOTS="svg"), out
+    return raybench("archive", here, there, "--out", out, RAYBENCH_PLOTS="svg"), out
 
 
 def done(folder):

@@ -126,7 +126,7 @@ def test_links_in_a_folder_are_not_written_through(theirs, tmp_path, name):
         place.unlink(missing_ok=True)
     place.symlink_to(tmp_path / ("private" if name in ("tables", "plots") else "secret.exr"))
     before = files_below(tmp_path / "private") | {1: (tmp_path / "secret.exr").read_bytes()}
-    done = sweeping.raybench("report" if name in ("tables", "plots") else "rescore", theirs)
+    done = sweeping.raybench("report", *["--rescore"] * (name not in ("tables", "plots")), theirs)
     assert done.returncode == 2 and "leads out of" in done.stderr and "Traceback" not in done.stderr
     assert files_below(tmp_path / "private") | {1: (tmp_path / "secret.exr").read_bytes()} == before
 
@@ -305,7 +305,7 @@ def test_a_pipe_in_the_place_of_a_file_is_refused_at_once(theirs, whole, tmp_pat
     path = next(theirs.glob("references/*/*/reference.json")) if name == "reference.json" else theirs / name
     path.unlink()
     os.mkfifo(path)
-    done = sweeping.raybench("rescore", theirs)
+    done = sweeping.raybench("report", "--rescore", theirs)
     assert done.returncode == 2 and "raybench: " in done.stderr and "Traceback" not in done.stderr
 
 

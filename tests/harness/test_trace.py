@@ -1,4 +1,4 @@
-"""Cells that trace rays, and `raybench trace`: planted faults are counted to the last ray, and rays are cells as others are."""
+"""Cells that trace rays, and their command: planted faults are counted to the last ray, and rays are cells as others are."""
 
 import inspect
 import json
@@ -286,7 +286,7 @@ def test_the_command_is_an_experiment_that_report_reads_again(tmp_path, with_plo
     assert "0 (below" not in (tmp_path / "out" / "tables" / "rays.csv").read_text()
     report = (tmp_path / "out" / "report.html").read_text()
     assert "Rays per second and wrong answers" in report and "Do the engines make the same image?" not in report
-    assert "raybench trace cornell_box --engine numpy --accelerator auto --threads 1 --rays incoherent" in report
+    assert "raybench race cornell_box --engine numpy --accelerator auto --threads 1 --rays incoherent" in report
 
 
 def test_a_command_that_all_engines_decline_exits_with_2(tmp_path):
@@ -315,7 +315,8 @@ def test_bad_input_is_one_line_and_exit_code_2(tmp_path, arguments, message):
     file.touch()
     done = raybench("trace", *(each.format(file=file / "below") for each in arguments), cwd=tmp_path)
     assert done.returncode == 2, done.stderr
-    assert message in done.stderr and len(done.stderr.strip().splitlines()) == 1
+    note, *said = done.stderr.strip().splitlines()
+    assert "is now `raybench race" in note and len(said) == 1 and message in said[0]
 
 
 def test_a_file_is_refused_where_it_is_wrong(tmp_path):

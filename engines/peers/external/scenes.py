@@ -25,7 +25,7 @@ def own_file(scene: Scene, settings: Settings, folder: Path) -> Path:
     if not scene.source:
         raise Unsupported(f"the scene {scene.name!r} is not in a file as it is: a program cannot be given it")
     if scene.native is not None:
-        raise Unsupported(f"the scene {scene.name!r} is in a file of Mitsuba's: raybench import writes one of raybench's")
+        raise Unsupported(f"the scene {scene.name!r} is in a file of Mitsuba's: raybench convert writes one of raybench's")
     if lacks := foreign(scene, KNOWN, "a scene file without code"):
         raise Unsupported(lacks)
     return Path(scene.source).absolute()

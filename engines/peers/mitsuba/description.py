@@ -1,4 +1,4 @@
-"""A scene in Mitsuba's terms: nested dictionaries that `mitsuba.load_dict` takes and that `raybench export` writes as XML.
+"""A scene in Mitsuba's terms: nested dictionaries that `mitsuba.load_dict` takes and that `raybench convert` writes as XML.
 
 Transforms are 4 x 4 float64 arrays; meshes and images lie where the caller places them. What differs:
 planes are disks, so large that nothing tells; a surface that emits on both sides is two surfaces a hair apart,

@@ -20,11 +20,11 @@ from engines.scene.shapes import as_mesh
 from engines.scene.support import foreign
 
 ACCELERATORS: dict[str, dict[str, Option]] = {"auto": {}}
-RENDERS_NOTHING = "Open3D traces rays and renders no images: raybench trace compares it"
+RENDERS_NOTHING = "Open3D traces rays and renders no images: raybench race --rays compares it"
 
 
 class Engine:
-    """Open3D's RaycastingScene: it answers rays in scenes of triangles, for `raybench trace`, and declines to render."""
+    """Open3D's RaycastingScene: it answers rays in scenes of triangles, for `raybench race --rays`, and declines to render."""
 
     name = "open3d"
     tracing_precision = "float32"

@@ -1,1 +1,1 @@
-"""What `raybench verify` and `raybench equivalence` do: options, worker processes, printed results."""
+"""What `raybench verify` does: options, worker processes, printed results."""

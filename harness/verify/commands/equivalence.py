@@ -1,4 +1,4 @@
-"""What `raybench equivalence` does: it bounds how far the images of engines lie apart, in the mean and in any tile."""
+"""What `raybench verify --against` does: it bounds how far the images of engines lie apart, in the mean and in any tile."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class EquivalenceOptions(NamedTuple):
 def compare(options: EquivalenceOptions) -> int:
     """Prints a row for every pair of engines. Returns the exit code: 1 where a pair is different."""
     if len(options.engines) < 2:
-        raise ConfigError(f"--engines {','.join(options.engines)}: two or more are needed, as in numpy,numba")
+        raise ConfigError(f"--engine {','.join(options.engines)}: two or more are needed, as in numpy,numba")
     if options.replicates < 2:
         raise ConfigError(f"--replicates {options.replicates}: two or more are needed")
     if not (0 < options.margins.image <= 1 and 0 < options.margins.tile <= 1):

@@ -93,7 +93,7 @@ def _engines(options: VerifyOptions, stderr: Console) -> list[EngineInfo]:
     for name in named:
         require_imports(name, options.allow_imports)
         if registry.is_file(name):
-            raise ConfigError(f"{name}: an external renderer traces no single rays: use `raybench equivalence`")
+            raise ConfigError(f"{name}: an external renderer traces no single rays: use `raybench verify --against`")
         if not registry.is_known(name):
             raise UnknownName("engine", name, registry.known_names())
     installed = registry.engine_names()
