@@ -15,7 +15,7 @@ from typing import Annotated, Any
 
 import typer
 
-from harness.cli import conversion, images, paper, rays
+from harness.cli import conversion, history, images, paper, rays
 from harness.cli.comparing import SeveralFolders, compare
 from harness.cli.options import (
     DEFAULT_ENGINE,
@@ -328,6 +328,7 @@ def equivalence(
 
 command(CHECKS)(rays.trace)
 command(EXPERIMENTS)(paper.figure)
+command(RESULTS)(history.history)
 command(FILES)(conversion.export)
 command(FILES, name="import")(conversion.import_)
 

@@ -22,4 +22,4 @@ from harness.statistics.intervals import Estimate, bounded_interval, geometric_i
 from harness.statistics.quality import QualityTime, crossing_seconds, efficiency, reading_of, time_to_quality
 from harness.statistics.ratios import Race, Ratio, noise_floor, race, twin_distance
 from harness.statistics.scaling import ParallelRow, amdahl_fit, parallel_speedups
-from harness.statistics.sessions import Change, change_of_errors, change_of_times, judge_changes
+from harness.statistics.sessions import Change, change_of_errors, change_of_pairs, change_of_times, judge_changes
