@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from harness.analysis.columns import Table
 from harness.report.plots.chart import FAINT, LINES, MARKERS
+from harness.report.plots.figures import log_scales
 from harness.report.plots.style import ENGINE_COLOURS, OTHER_COLOURS
 
 COLOURS = (*ENGINE_COLOURS.values(), *OTHER_COLOURS)
@@ -31,7 +32,7 @@ def history_figure(table: Table) -> Figure:
         for column, target in enumerate(targets):
             axis = axes[row][column]
             axis.set_title(f"{scene} to {target:g}")
-            axis.set_yscale("log")
+            log_scales(axis, x=False, y=True)
             for index, name in enumerate(contestants):
                 found = [r for r in table.rows if (r["scene"], r["target"], r["contestant"]) == (scene, target, name)]
                 _line(axis, found, revisions, index, name)
