@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import Any
 
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
 
 from harness.analysis.columns import Table
 from harness.report.plots.chart import FAINT, LINES, MARKERS
-from harness.report.plots.figures import log_scales
 from harness.report.plots.style import ENGINE_COLOURS, OTHER_COLOURS
 
 COLOURS = (*ENGINE_COLOURS.values(), *OTHER_COLOURS)
@@ -32,7 +33,9 @@ def history_figure(table: Table) -> Figure:
         for column, target in enumerate(targets):
             axis = axes[row][column]
             axis.set_title(f"{scene} to {target:g}")
-            log_scales(axis, x=False, y=True)
+            axis.set_yscale("log")
+            axis.yaxis.set_major_formatter("{x:g}")
+            axis.yaxis.set_minor_formatter(FuncFormatter(partial(_minor_label, axis)))
             for index, name in enumerate(contestants):
                 found = [r for r in table.rows if (r["scene"], r["target"], r["contestant"]) == (scene, target, name)]
                 _line(axis, found, revisions, index, name)
@@ -42,6 +45,12 @@ def history_figure(table: Table) -> Figure:
     if len(contestants) > 1:
         figure.legend(handles, labels, loc="outside upper left", ncols=min(3, len(labels)))
     return figure
+
+
+def _minor_label(axis: Any, value: float, _: int) -> str:
+    """All of an axis that spans less than a decade, 2 and 5 of one that spans more."""
+    low, high = axis.get_ylim()
+    return f"{value:.2g}" if high < 10 * low or f"{value:.0e}"[0] in "25" else ""
 
 
 def _line(axis: Any, rows: list[dict[str, Any]], revisions: list[str], index: int, name: str) -> None:
