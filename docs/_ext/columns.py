@@ -7,7 +7,7 @@ from markdown import code, plain, table
 from harness.analysis import analyse, frames, measurements
 from harness.analysis.columns import ESTIMATES
 from harness.metrics import METRIC_MEANINGS
-from harness.report.tables import all_tables, changes
+from harness.report.tables import all_tables, changes, history
 from harness.report.tables.accelerators import accelerators
 from harness.report.tables.equivalence import accuracy
 from harness.report.tables.rays import rays
@@ -27,7 +27,8 @@ KINDS = {
 
 
 def text() -> str:
-    empty = results_of(Path("results/NAME"), Manifest(raybench_results=FORMAT_VERSION), [])
+    config = {"raybench_experiment": 1, "include": [], "revision": "NAME"}
+    empty = results_of(Path("results/NAME"), Manifest(raybench_results=FORMAT_VERSION, config=config), [])
     analysis = analyse(empty)
     people = [
         *all_tables(analysis),
@@ -36,6 +37,7 @@ def text() -> str:
         accuracy(analysis),
         rays(empty),
         changes([empty], [empty]),
+        history([empty]),
     ]
     parts = ["## DataFrames"]
     parts += [_section("points", measurements.points(empty)), _section("times_to_quality", frames.times_to_quality(analysis))]

@@ -15,7 +15,7 @@ from typing import Annotated, Any
 
 import typer
 
-from harness.cli import conversion, images, paper, rays, replay
+from harness.cli import conversion, history, images, paper, rays, replay
 from harness.cli.comparing import SeveralFolders, compare
 from harness.cli.options import (
     DEFAULT_ENGINE,
@@ -340,6 +340,7 @@ def calibrate(folder: Folder, references: References = None) -> None:
 
 
 command(RESULTS, SeveralFolders)(compare)
+command(RESULTS)(history.history)
 command(RESULTS)(paper.table)
 command(RESULTS)(paper.figure)
 command(RESULTS)(replay.replay)

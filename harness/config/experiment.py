@@ -60,6 +60,12 @@ class Experiment:
 
     name: str = key(LINE, "Title of the report, and name of the results folder; by default the name of the file.", None)
     question: str | None = key(LINE, "Question that the experiment answers; the report begins with it.", None)
+    revision: str | dict[str, str] | None = key(
+        sections.REVISION,
+        "Commit or version of the renderer under test, for `raybench history`; or, where one run measures several builds, that "
+        "of each, by the name of its engine in tables. By default the commit of the experiment's folder.",
+        None,
+    )
     repeats: int = key(
         integer(1, 1000), "Blocks. Each measures every combination once, in random order, with a seed of its own.", 3
     )

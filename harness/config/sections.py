@@ -16,7 +16,7 @@ from engines.schema.kinds import BOOLEAN, Kind
 from engines.schema.yaml_file import Located
 from harness.config.filters import CONTESTANTS, Filter
 from harness.config.keys import Section, key
-from harness.config.kinds import DURATION, NAME, RECORDED, SEED, SIZE, ListOf, OrNull, integer, number, one_of
+from harness.config.kinds import DURATION, LINE, NAME, RECORDED, SEED, SIZE, ListOf, OrNull, integer, number, one_of
 from harness.config.settings import ACCELERATOR, ENGINE, PRECISION, SAMPLER, SHADER
 from harness.metrics import METRICS
 from harness.statistics.equivalence import DEFAULT_MARGINS, Margins
@@ -190,6 +190,17 @@ def _reference(found: ReferenceConfig, given: Given, context: Any) -> ReferenceC
             f"another engine than the reference's, {found.engine or REFERENCE_ENGINE}, is expected"
         )
     return found
+
+
+def _revision(node: Located) -> str | dict[str, str]:
+    if not isinstance(node.value, dict):
+        return str(LINE.read(node))
+    if len(node.value) < 2:
+        raise node.refuse("a line of text, or the revisions of two engines or more by their names, is expected")
+    return {name: str(LINE.read(child)) for name, child in node.value.items()}
+
+
+REVISION = OrNull(Kind(_revision, {"anyOf": [LINE.json, {"type": "object", "minProperties": 2}]}))
 
 
 _TARGETS = ListOf(number(0.0, 1e30, open_low=True), 1)

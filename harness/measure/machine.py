@@ -79,6 +79,13 @@ def git_state(folder: Path) -> dict[str, Any] | None:
     return {"commit": commit, "dirty": bool(changes)}
 
 
+def project_state(folder: Path) -> dict[str, Any] | None:
+    """Commit and dirty flag of the checkout that `folder` lies in: of an experiment's, that of the renderer beside it. None
+    where it lies in none."""
+    commit = _git(folder, "rev-parse", "HEAD")
+    return {"commit": commit, "dirty": bool(_git(folder, "status", "--porcelain", "--untracked-files=no"))} if commit else None
+
+
 def _git(folder: Path, *arguments: str) -> str | None:
     # Inside a hook of git these variables name the repository that the hook is of.
     own = {key: value for key, value in os.environ.items() if key not in ("GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE")}

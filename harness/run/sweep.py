@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from engines.errors import ConfigError, RaybenchError
 from harness import store
@@ -177,8 +177,11 @@ class Sweep:
         folder = self.recorder.folder
         before = store.read_manifest(folder) if (folder / store.MANIFEST).exists() else None
         if running or before is None or any(getattr(before, key) != getattr(same, key) for key in same.model_fields_set):
-            moment = {"time": now, "command": tuple(self.options.command), "machine": machine.provenance()}
+            moment = {"time": now, "command": tuple(self.options.command), "machine": self._provenance()}
             store.write_manifest(folder, same.replaced(**moment))
+
+    def _provenance(self) -> dict[str, Any]:
+        return {**machine.provenance(), "project": machine.project_state(self.plan.experiment.folder)}
 
     def _revive(self) -> None:
         """Results that a changed plan had put aside count again when the plan has them again."""

@@ -32,4 +32,4 @@ from harness.statistics.ratios import (
     twin_pairs,
 )
 from harness.statistics.scaling import ParallelRow, amdahl_fit, parallel_speedups
-from harness.statistics.sessions import Change, change_of_errors, change_of_times, judge_changes
+from harness.statistics.sessions import Change, change_of_errors, change_of_pairs, change_of_times, judge_changes

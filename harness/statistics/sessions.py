@@ -68,6 +68,25 @@ def change_of_times(before: Sequence[Sequence[float]], after: Sequence[Sequence[
     return _change(float(means[1].mean() - means[0].mean()), shares, counts, tested)
 
 
+def change_of_pairs(sessions: Sequence[Sequence[tuple[float, float]]]) -> Change:
+    """Of positive values (before, after) that were measured in one block of one session, by session. Pairs with a value that is
+    not positive and finite are left out, and so are empty sessions.
+
+    What stays the same in a session cancels. Blocks are the replicates below `FEWEST_SESSIONS`, else the sessions.
+    """
+    good = [[pair for pair in session if all(value > 0 and math.isfinite(value) for value in pair)] for session in sessions]
+    logs = [np.log([after / before for before, after in session]) for session in good if session]
+    counts = len(logs), len(logs)
+    if not logs:
+        return Change(math.nan, math.nan, math.nan, counts, False)
+    means = np.array([each.mean() for each in logs])
+    if len(logs) >= FEWEST_SESSIONS:
+        shares, tested = [(float(means.var(ddof=1)) / means.size, means.size - 1)], True
+    else:
+        shares, tested = [_within(each, len(logs)) for each in logs], min(each.size for each in logs) >= FEWEST_BLOCKS
+    return _change(float(means.mean()), shares, counts, tested)
+
+
 def change_of_errors(before: Mapping[int, float], after: Mapping[int, float], sessions: tuple[int, int]) -> Change:
     """Of positive values by seed. Seeds decide errors, not sessions: seeds are the replicates, in pairs where both sides have
     three or more in common."""

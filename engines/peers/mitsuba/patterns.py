@@ -22,12 +22,13 @@ def full_pattern(sampler: Mapping[str, Any], spp: int) -> FullPattern | None:
     told from a choice, does not count as given. Above the largest pattern several of them are taken.
     """
     name = sampler["name"]
-    if name not in ROUNDED:
+    rounded = int if name == "mitsuba" else ROUNDED.get(name)  # one of the user's must keep to the count
+    if rounded is None:
         return None
     option, largest = ("strata", LARGEST_STRATA) if name == "stratified" else ("sample_count", LARGEST)
     given = None if option == "strata" else sampler.get(option)
     count = min(spp, largest) if given is None else given
-    size = ROUNDED[name](count)
+    size = rounded(count)
     return FullPattern(-(-spp // size) * size, {**sampler, option: min(size, largest)})
 
 
@@ -54,7 +55,5 @@ ROUNDED: dict[str, Callable[[int], int]] = {
     "ldsampler": _power_of_four,
     "multijitter": _rectangle,
     "orthogonal": _square_of_a_prime,
-    "mitsuba": int,
 }
-"""Samples in a pattern for a requested count. Mitsuba's `stratified` takes any square, raybench's `strata` a power of four; a
-sampler `mitsuba`, of any type, must keep to the count."""
+"""Samples in a pattern for a requested count. Mitsuba's `stratified` takes any square, raybench's `strata` a power of four."""

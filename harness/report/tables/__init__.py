@@ -9,6 +9,7 @@ from harness.analysis import Analysis, frames
 from harness.analysis.columns import Column, Table
 from harness.analysis.measurements import CONTESTANT
 from harness.report.tables.changes import changes
+from harness.report.tables.history import history, regressions
 from harness.report.tables.model import cell_text, csv_text, latex_text, markdown_text, sort_value
 from harness.report.tables.verdicts import all_tables
 from harness.store.atomic import write_text

@@ -51,7 +51,7 @@ def changes(before: Sequence[Results], after: Sequence[Results], threshold: floa
 
     Raises `ConfigError` where one measurement stands in two folders of a side.
     """
-    _sessions_differ(before, after)
+    sessions_differ([before, after] if len(before) == len(after) == 1 else [[*before, *after]])
     same_within = after[0].config.same_within
     ours, theirs = _by_key(before, after)
     table = _table(before, after, same_within, threshold)
@@ -152,9 +152,8 @@ def _seen(results: Results, key: str) -> dict[str, set[str]]:
     return found
 
 
-def _sessions_differ(before: Sequence[Results], after: Sequence[Results]) -> None:
-    """Refuses folders that share measurements: a session counts once, and copies have no drift."""
-    sides = [before, after] if len(before) == len(after) == 1 else [[*before, *after]]
+def sessions_differ(sides: Sequence[Sequence[Results]]) -> None:
+    """Refuses folders of one side that share measurements: a session counts once, and copies have no drift."""
     for side in sides:
         seen: dict[tuple[str, str, float], Results] = {}
         for results in side:
