@@ -54,8 +54,8 @@ def break_evens(analysis: Analysis) -> Iterator[BreakEven]:
     for family in families(analysis.results):
         first = family[0]
         fit = [row for row, other in enumerate(family) if row and not unfit & {first, other}]
-        floor, margin = analysis.floor(first.settings.scene), analysis.results.config.same_within
-        ratios = race_of([seconds_per_sample(c) for c in family], [(row, 0) for row in fit], floor, margin).ratios
+        spread, margin = analysis.spread(first), analysis.results.config.same_within
+        ratios = race_of([seconds_per_sample(c) for c in family], [(row, 0) for row in fit], spread, margin).ratios
         compared = dict(zip(fit, ratios, strict=True))
         for row, other in enumerate(family):
             known = BreakEven(other.settings.scene, other.name, build(other), microseconds_a_path(other))

@@ -8,25 +8,26 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from harness.analysis.baselines import AA, Baselines
+from harness.analysis.axes import unlabelled
+from harness.analysis.baselines import Baselines
 from harness.analysis.crossings import READINGS, Logs, logs
 from harness.analysis.model import CONTESTANT_KEYS, PER_SAMPLE, Frame, Verdict, raced_together
-from harness.statistics import Bound, Race, noise_floor, race, twin_distance
+from harness.statistics import UNKNOWN_SPREAD, Bound, PersistentSpread, Race, TwinPair, persistent_spread, race, twin_pairs
 from harness.store.results import Results
 
 CLOCK_SECONDS = 1e-6
 """What a clock resolves, starting and stopping it included."""
 PAIRS = ["race", *CONTESTANT_KEYS, "baseline", "factor", "no_ratio", "ranked"]
 RATIOS = ["ratio", "ratio_low", "ratio_high", "blocks", "verdict"]
-Floors = Mapping[tuple[str, str], float]
-"""(scene, measure) -> noise floor as a log ratio; NaN, or not there, where it was not measured."""
+Spreads = Mapping[tuple[str, str], PersistentSpread]
+"""(scene, contestant) -> the persistent spread of its machine."""
 
 
 def pairs(results: Results, verdicts: Sequence[Verdict]) -> Frame:
@@ -51,37 +52,32 @@ def pairs(results: Results, verdicts: Sequence[Verdict]) -> Frame:
 def why_no_ratio(verdict: Verdict, baseline: Verdict | None, group: Sequence[Verdict] = ()) -> str:
     """Why a contestant of a race has no ratio to its baseline, or none at all; empty where it has one."""
     if verdict.disqualified:
-        return "flagged, so not ranked"
+        return f"flagged, so not ranked: {verdict.disqualifying}"
+    if baseline is not None and baseline.disqualified:
+        return f"{baseline.contestant.name} is flagged, so not ranked: {baseline.disqualifying}"
     if baseline is not None:
-        return f"{baseline.contestant.name} is flagged, so not ranked" if baseline.disqualified else ""
+        return ""
     if verdict.contestant.settings.label:
         return "repeats a contestant without results"
     others = [each for each in group if each is not verdict and not each.contestant.settings.label]
     return "the baseline of its race" if others else "alone in its race"
 
 
-def noise_floors(crossings: Frame, pairs: Frame) -> Floors:
-    """Of each scene that has A/A twins, from the distances of its own and of all twins of the run. The reference's noise moves
-    the times of twins alike, so these are taken as they are found.
-
-    Where twins did not get to a target, or were there at once, their distance on the nearest easier target that was timed
-    stands in, else that on the nearest harder one.
-    """
-    twins = pairs[(pairs.factor == AA) & (pairs.baseline != "")]
-    times = by_race(crossings[crossings.own], pairs)
-    rows = []
-    for twin in twins.itertuples():
-        names = pairs[pairs.race == twin.race].contestant.tolist()
-        both = [logs(times[twin.race, measure], len(names)) for measure in measures(crossings)]
-        rows.append([twin_distance(*ends, names.index(twin.baseline), names.index(twin.contestant)) for ends in both])
-    distances = pd.DataFrame(rows, twins.scene, measures(crossings), dtype=float)
-    targets = distances.columns[1:]
-    distances[targets] = distances[targets].ffill(axis=1).bfill(axis=1)
-    return {
-        (str(scene), str(measure)): noise_floor(own.tolist(), everyone.tolist())
-        for measure, everyone in distances.items()
-        for scene, own in everyone.groupby(level=0)
-    }
+def persistent_spreads(crossings: Frame, verdicts: Sequence[Verdict]) -> Spreads:
+    """Of each machine, from the seconds per sample of all its A/A twins, whatever their scene. Twins render the same images, so
+    that their times to a target differ by their speed alone."""
+    groups = raced_together(verdicts)
+    times = own_times(crossings, groups.values())
+    found: dict[str, list[TwinPair]] = {}
+    for number, (race_of_group, group) in enumerate(groups.items()):
+        settings = [verdict.contestant.settings for verdict in group]
+        rows = {each: row for row, each in enumerate(settings)}
+        twins = [(rows[unlabelled(each)], row) for each, row in rows.items() if each.label and unlabelled(each) in rows]
+        low, high = logs(times[number, PER_SAMPLE], len(group))
+        ranked = np.array([not each.label for each in settings])
+        found.setdefault(race_of_group.machine, []).extend(twin_pairs(low, high, twins, ranked=ranked, clock=clock_steps(low)))
+    spreads = {machine: persistent_spread(pairs) for machine, pairs in found.items()}
+    return {(v.contestant.settings.scene, v.contestant.name): spreads[v.contestant.settings.machine] for v in verdicts}
 
 
 def measures(crossings: Frame) -> list[str]:
@@ -97,46 +93,43 @@ def by_race(crossings: Frame, pairs: Frame) -> Mapping[tuple[int, str], Frame]:
     return defaultdict(lambda: raced[:0], iter(raced.groupby(["race", "measure"], sort=False)))
 
 
-def comparisons(crossings: Frame, pairs: Frame, floors: Floors, margin: float) -> Frame:
+def own_times(crossings: Frame, groups: Iterable[Sequence[Verdict]]) -> Mapping[tuple[int, str], Frame]:
+    """As `by_race`, of groups of verdicts in the order given, each curve in its own reading."""
+    members = [(n, v.contestant.settings.scene, v.contestant.name) for n, group in enumerate(groups) for v in group]
+    return by_race(crossings[crossings.own], pd.DataFrame(members, columns=["race", *CONTESTANT_KEYS]))
+
+
+def comparisons(crossings: Frame, pairs: Frame, spreads: Spreads, margin: float) -> Frame:
     """One row a contestant and measure.
 
     Columns: those of `pairs`; `measure`; `ratio`, of the seconds of the baseline to its own, with `ratio_low`, `ratio_high`,
-    `blocks` and `verdict` as in `statistics.Ratio`, unknown where it is compared with none; `possible_winner`; `noise_floor`, a
-    share; `twins_separated`, whether some A/A twins of the scene differ: nothing is then concluded in any of its races.
+    `blocks` and `verdict` as in `statistics.Ratio`, unknown where it is compared with none; `possible_winner`;
+    `persistent_spread` of the machine, a share, unknown where no twin was measured; `twins`, of how many.
     `margin`: the largest share by which times that count as the same may differ.
     """
     times = by_race(crossings, pairs)
     rows = [
         row
         for number, members in pairs.groupby("race")
-        for row in _race({each: times[number, each] for each in measures(crossings)}, members, floors, margin)
+        for row in _race({each: times[number, each] for each in measures(crossings)}, members, spreads, margin)
     ]
-    found = pd.DataFrame(rows, columns=[*PAIRS, "measure", *RATIOS, "possible_winner", "noise_floor", "twins_separated"])
-    separated = found.groupby(["scene", "measure"]).twins_separated.transform("any").astype(bool)
-    decided = found.groupby(["race", "measure"]).possible_winner.transform("any").astype(bool)
-    return found.assign(
-        twins_separated=separated,
-        verdict=found.verdict.mask(separated & (found.no_ratio == ""), "unresolved"),
-        possible_winner=found.possible_winner.mask(separated & decided, found.ranked),
-    )
+    return pd.DataFrame(rows, columns=[*PAIRS, "measure", *RATIOS, "possible_winner", "persistent_spread", "twins"])
 
 
-def _race(times_in: Mapping[str, Frame], members: Frame, floors: Floors, margin: float) -> Iterator[tuple[Any, ...]]:
+def _race(times_in: Mapping[str, Frame], members: Frame, spreads: Spreads, margin: float) -> Iterator[tuple[Any, ...]]:
     """The rows of one race in each measure. `times_in`: measure -> rows of `by_race`."""
-    count, scene = len(members), members.scene.iloc[0]
+    count, first = len(members), members.iloc[0]
+    spread = spreads.get((first.scene, first.contestant), UNKNOWN_SPREAD)
     place = {name: row for row, name in enumerate(members.contestant)}
     compared = [(place[row.contestant], place[row.baseline]) for row in members.itertuples() if row.no_ratio == ""]
-    twins = [(place[row.baseline], place[row.contestant]) for row in members.itertuples() if row.factor == AA and row.baseline]
     for measure, times in times_in.items():
-        floor = floors.get((scene, measure), math.nan)
         low, high = _sure(times[times.own], count)
         found = race(
             low,
             high,
             compared,
-            floor,
+            spread,
             ranked=members.ranked.to_numpy(bool),
-            twins=twins,
             clock=clock_steps(low),
             margin=margin,
             **({} if measure == PER_SAMPLE else _readings(times, count)),
@@ -144,7 +137,7 @@ def _race(times_in: Mapping[str, Frame], members: Frame, floors: Floors, margin:
         ratios = {row: ratio for (row, _), ratio in zip(compared, found.ratios, strict=True)}
         for row, member in enumerate(members.itertuples(index=False)):
             ratio = ratios.get(row, (math.nan, math.nan, math.nan, 0, ""))
-            yield *member, measure, *ratio, found.possible_winner[row], math.expm1(floor), found.twins_separated
+            yield *member, measure, *ratio, found.possible_winner[row], spread.share, spread.twins
 
 
 def _sure(times: Frame, count: int) -> tuple[Logs, Logs]:
@@ -163,7 +156,7 @@ def _readings(times: Frame, count: int) -> dict[str, Any]:
 def race_of(
     measured: Sequence[Mapping[int, float]],
     compared: Sequence[tuple[int, int]],
-    floor: float,
+    spread: PersistentSpread,
     margin: float,
     readings: Sequence[Sequence[Mapping[int, Bound]]] = (),
     mixed: NDArray[np.bool_] | None = None,
@@ -172,7 +165,7 @@ def race_of(
     difference, as a share, that counts as the same. `readings`: the numbers of all as found in other ways, see
     `statistics.race`."""
     own = _arrays([{block: Bound(value, value) for block, value in one.items()} for one in measured])
-    return race(*own, compared, floor, margin=margin, readings=[_arrays(bounds) for bounds in readings], mixed=mixed)
+    return race(*own, compared, spread, margin=margin, readings=[_arrays(bounds) for bounds in readings], mixed=mixed)
 
 
 def _arrays(found: Sequence[Mapping[int, Bound]]) -> tuple[Logs, Logs]:

@@ -142,14 +142,16 @@ def verdicts(analysis: Analysis) -> Table:
             ),
             Column(
                 "verdict",
-                "faster or slower: beyond the noise floor, with a family-wise error rate of 5 % (Holm). same: "
+                "faster or slower, with a family-wise error rate of 5 % (Holm). same: "
                 f"the 90 % interval lies within {margin}. Else unresolved. Empty where nothing is compared.",
             ),
             Column(
-                "noise_floor",
-                "Difference from 1 that a ratio must exceed, from the scene's A/A twin; unknown if that was not measured.",
+                "persistent_spread",
+                "By how much two equal contestants differ in all blocks alike on this machine, from its A/A twins: a standard "
+                "deviation, which every interval contains. Unknown without twins: all is then unresolved.",
                 "percent",
             ),
+            Column("twins", "A/A twins of the machine that the persistent spread was found from.", "count"),
             Column(
                 "possible_winner",
                 "Whether it may be the fastest of its scene, shader, size, division and machine, among "

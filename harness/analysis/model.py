@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from engines.choices import Choice
 from harness.analysis.equivalence import EnginePair
-from harness.statistics import BiasEstimate, Equivalence, Estimate, Slope
+from harness.statistics import BiasEstimate, Equivalence, Estimate, PersistentSpread, Slope
 from harness.statistics.bias import RadianceSample
 from harness.store.records import BROKEN
 from harness.store.results import Contestant, Results
@@ -84,8 +83,13 @@ class Verdict:
     @property
     def disqualified(self) -> bool:
         """Whether a flag keeps it out of all rankings of its division."""
+        return bool(self.disqualifying)
+
+    @property
+    def disqualifying(self) -> str:
+        """The flags that do, in words."""
         allowed = OF_THE_TIME | OF_THE_ESTIMATOR if self.contestant.settings.division == "open" else OF_THE_TIME
-        return bool(set(self.flags) - allowed)
+        return ", ".join(FLAGS[flag] for flag in self.flags if flag not in allowed)
 
     @property
     def warnings(self) -> list[str]:
@@ -110,8 +114,8 @@ class Analysis:
     """`verdicts` of all contestants that have a measured cell. `engine_pairs` are engines compared under equal settings.
 
     `points` and `cells` are the tables of `measurements`; `crossings`, `times` (to quality), `comparisons` and `by_axis` the
-    DataFrames of the functions of these names. `floors`: (scene, measure) -> noise floor as a log ratio, see
-    `comparisons.noise_floors`.
+    DataFrames of the functions of these names. `spreads`: (scene, contestant) -> persistent spread of its machine, see
+    `comparisons.persistent_spreads`.
     """
 
     results: Results
@@ -122,18 +126,12 @@ class Analysis:
     times: Frame
     comparisons: Frame
     by_axis: Frame
-    floors: Mapping[tuple[str, str], float]
+    spreads: Mapping[tuple[str, str], PersistentSpread]
     engine_pairs: Sequence[EnginePair]
 
-    def floor(self, scene: str, target: float | None = None) -> float:
-        """The scene's noise floor of seconds to a target, or per sample, as a log ratio; NaN where it was not measured."""
-        return self.floors.get((scene, measure_of(target)), math.nan)
-
-    @cached_property
-    def separated(self) -> set[tuple[str, str]]:
-        """Scenes with measures in which their A/A twins differ, so that nothing is concluded."""
-        found = self.comparisons[self.comparisons.twins_separated]
-        return set(zip(found.scene, found.measure, strict=True))
+    def spread(self, contestant: Contestant) -> PersistentSpread:
+        """The persistent spread of the machine of a measured contestant."""
+        return self.spreads[contestant.settings.scene, contestant.name]
 
     @cached_property
     def by_target(self) -> Frame:

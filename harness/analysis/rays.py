@@ -6,13 +6,24 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from engines.choices import Choice
 from harness.config.experiment import PREFERRED_BASELINES
 from harness.config.settings import RAY_KINDS, Combination
-from harness.statistics import Estimate, Ratio, noise_floor, proportion_interval, race, twin_distance
+from harness.statistics import (
+    UNKNOWN_SPREAD,
+    Estimate,
+    PersistentSpread,
+    Ratio,
+    TwinPair,
+    persistent_spread,
+    proportion_interval,
+    race,
+    twin_pairs,
+)
 from harness.store.records import BROKEN, Answers, RayCell, RaySettings
 from harness.store.results import Results, brief_choice
 
@@ -21,13 +32,14 @@ from harness.store.results import Results, brief_choice
 class RayContestant:
     """A configuration that traces the rays of a set, with its cells by block. `accelerator` has those options alone in which
     accelerators of its name differ. `ratio` is that of its rate over the baseline's; None of the baseline, and where there is
-    nothing to compare."""
+    nothing to compare. `spread`: what persists between equal contestants of its machine."""
 
     settings: RaySettings
     accelerator: str = field(compare=False)
     cells: tuple[RayCell, ...] = field(compare=False)
     baseline: bool = field(default=False, compare=False)
     ratio: Ratio | None = field(default=None, compare=False)
+    spread: PersistentSpread = field(default=UNKNOWN_SPREAD, compare=False)
 
     @cached_property
     def done(self) -> list[RayCell]:
@@ -98,17 +110,22 @@ def ray_races(results: Results) -> list[list[RayContestant]]:
     engines = list(dict.fromkeys([*PREFERRED_BASELINES, *sorted(s.engine for s, _ in cells)]))
     named = results.config.baseline
 
-    def place(one: RayContestant) -> tuple[int, ...]:
+    def place(one: RayContestant) -> tuple[Any, ...]:
         s, written = one.settings, results.config.combinations
         own = next((index for index, each in enumerate(written) if _stands_for(each, s)), len(written))
         other = named is not None and not named.matches(s)
-        return scenes.index(s.scene), RAY_KINDS.index(s.rays), s.threads, other, engines.index(s.engine), own, bool(s.label)
+        return scenes.index(s.scene), RAY_KINDS.index(s.rays), s.threads, other, engines.index(s.engine), own, s.label
 
     races: dict[tuple[str, ...], list[RayContestant]] = {}
     for one in sorted(found, key=place):
         s = one.settings
         races.setdefault((s.scene, s.rays, str(s.threads), s.machine, one.cells[0].ray_set_id), []).append(one)
-    return [_raced(group, results.config.same_within) for group in races.values()]
+    timed = [_Times(group) for group in races.values()]
+    pairs: dict[str, list[TwinPair]] = {}
+    for each in timed:
+        pairs.setdefault(each.machine, []).extend(each.twin_pairs)
+    spreads = {machine: persistent_spread(found) for machine, found in pairs.items()}
+    return [each.raced(spreads[each.machine], results.config.same_within) for each in timed]
 
 
 def _stands_for(written: Combination, found: RaySettings) -> bool:
@@ -117,24 +134,34 @@ def _stands_for(written: Combination, found: RaySettings) -> bool:
     return options and (written.rays, written.precision, written.threads) == (found.rays, found.precision, found.threads)
 
 
-def _raced(group: Sequence[RayContestant], same_within: float) -> list[RayContestant]:
-    """The contestants of a race with their ratios to the first that is measured, none of them broken."""
-    timed = [row for row, one in enumerate(group) if one.timed and one.told_by.state == "done"]
-    base = next((row for row in timed if not group[row].settings.label), None)
-    if base is None:
-        return list(group)
-    blocks = np.unique([cell.block for row in timed for cell in group[row].timed])
-    times = np.full((len(group), len(blocks)), math.nan)
-    for row in timed:
-        for cell in group[row].timed:
-            times[row, np.searchsorted(blocks, cell.block)] = math.log(cell.seconds / cell.passes)
-    places = {group[row].settings: row for row in timed}
-    twins = [(places.get(replace(one, label="")), row) for one, row in places.items() if one.label]
-    pairs = [(one, other) for one, other in twins if one is not None]
-    distances = [twin_distance(times, times, *pair) for pair in pairs]
-    others = [row for row in timed if row != base]
-    ranked = np.array([row in timed and not one.settings.label for row, one in enumerate(group)])
-    floor = noise_floor(distances, distances)
-    found = race(times, times, [(row, base) for row in others], floor, ranked=ranked, twins=pairs, margin=same_within)
-    ratios = dict(zip(others, found.ratios, strict=True))
-    return [replace(one, baseline=row == base, ratio=ratios.get(row)) for row, one in enumerate(group)]
+class _Times:
+    """The times of a race: ln seconds a pass, of its members that are measured and not broken."""
+
+    def __init__(self, group: Sequence[RayContestant]) -> None:
+        self.group = group
+        self.machine = group[0].settings.machine
+        self.timed = [row for row, one in enumerate(group) if one.timed and one.told_by.state == "done"]
+        self.ranked = np.array([row in self.timed and not one.settings.label for row, one in enumerate(group)])
+        blocks = np.unique([cell.block for row in self.timed for cell in group[row].timed])
+        self.logs = np.full((len(group), len(blocks)), math.nan)
+        for row in self.timed:
+            for cell in group[row].timed:
+                self.logs[row, np.searchsorted(blocks, cell.block)] = math.log(cell.seconds / cell.passes)
+
+    @property
+    def twin_pairs(self) -> list[TwinPair]:
+        rows = {self.group[row].settings: row for row in self.timed}
+        twins = [(rows.get(replace(one, label="")), row) for one, row in rows.items() if one.label]
+        known = [(original, twin) for original, twin in twins if original is not None]
+        return twin_pairs(self.logs, self.logs, known, ranked=self.ranked)
+
+    def raced(self, spread: PersistentSpread, same_within: float) -> list[RayContestant]:
+        """The contestants with their ratios to the first that is measured, none of them broken."""
+        if not self.ranked.any():
+            return list(self.group)
+        base = int(np.flatnonzero(self.ranked)[0])
+        others = [row for row in self.timed if row != base]
+        compared = [(row, base) for row in others]
+        found = race(self.logs, self.logs, compared, spread, ranked=self.ranked, margin=same_within)
+        ratios = dict(zip(others, found.ratios, strict=True))
+        return [replace(one, baseline=row == base, ratio=ratios.get(row), spread=spread) for row, one in enumerate(self.group)]

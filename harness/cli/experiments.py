@@ -19,6 +19,7 @@ from harness.analysis.certificates import certificate_text, refutes
 from harness.cli.results import require_results, write_derived
 from harness.config import ConfigFile, Experiment
 from harness.console import consoles
+from harness.measure.machine import usable_cores
 from harness.measure.pool import Pool, WorkerFailed
 from harness.plan import planner, verify_jobs
 from harness.plan.cells import Cell, Plan
@@ -129,6 +130,8 @@ def plan(given: str, out: Path | None, overrides: Sequence[str], allowed: Allowe
     stdout.print(f"{len(made.cells)} cells in {experiment.repeats} blocks: {counted or 'none'}.")
     if left:
         stdout.print(f"{len(left)} to measure: {progress.duration(seconds)} without references ({basis}).")
+    if experiment.timing:
+        _plan_threads(stdout, made)
     _plan_references(stdout, made)
     if made.verify_jobs:
         left = len(verify_jobs.todo(made.verify_jobs, events, retry=False))
@@ -161,6 +164,15 @@ def _plan_accelerators(console: Console, made: Plan) -> None:
     }
     for (scene, engine, precision), said in sorted(lines.items()):
         console.print(f"auto in {scene}, {engine} {precision}: {said}", soft_wrap=True, markup=False, highlight=False)
+
+
+def _plan_threads(console: Console, made: Plan) -> None:
+    """Says that cells will be contended where some have as many threads as there are cores here."""
+    cores = len(usable_cores())
+    most = max((cell.settings.threads for cell in made.cells if not cell.skip), default=0)
+    if most >= cores:
+        counts = f"{most} thread{'s' if most > 1 else ''} on {cores} core{'s' if cores > 1 else ''}"
+        console.print(f"{counts}: no core is left for other work, which will contend with some cells.", soft_wrap=True)
 
 
 def _plan_table(console: Console, made: Plan, states: Mapping[str, str]) -> None:

@@ -45,6 +45,8 @@ FORMER_RAYS = (
 IMAGES = ("all", "some", "last", "none")
 PREFERRED_BASELINES = ("numpy", "numba", "embree")
 """The engine whose images others are compared with where a config names none: the first of these that it has."""
+FEWEST_TWINS = 4
+"""A/A twins of a run. Fewer tell little of what persists between equal contestants."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,8 +65,8 @@ class Experiment:
     seed: int = key(SEED, "Seed of the first block; each further block adds one.", 1)
     aa_twin: bool = key(
         BOOLEAN,
-        "Whether one contestant of every scene runs under a second label, too, its A/A twin: the baseline engine's "
-        "first configuration there, else the first of all. By default from three repeats on, where times count.",
+        f"Whether some contestants run under a second label, too, as their A/A twins: {FEWEST_TWINS} in all, or one of every "
+        "scene if there are more. By default from three repeats on, where times count.",
         None,
     )
     remeasure: int = key(

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import random
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -22,7 +23,7 @@ from engines.registry import engine as engine_of
 from engines.registry import is_file, lineage_of
 from engines.scene import Scene
 from harness.config import SCHEMA_VERSION, Experiment
-from harness.config.experiment import PREFERRED_BASELINES
+from harness.config.experiment import FEWEST_TWINS, PREFERRED_BASELINES
 from harness.config.filters import Filter
 from harness.config.paths import shown
 from harness.config.sections import AUTOMATIC
@@ -45,6 +46,7 @@ from harness.trace import rays
 BYTES_A_PIXEL = 2 * FILM_BYTES + 4 * 3 * 8
 """Of a cell: a film where it is rendered and one here, and the reference's mean, halves and variance."""
 AA_LABEL = "A/A"
+"""Of the first twin of a contestant; that of its second is `A/A 2`."""
 
 
 def make(
@@ -398,24 +400,35 @@ def _as_certifier(name: str, scene: Scene, wanted: PlannedReference, known: _Kno
 
 
 def _with_aa_twins(experiment: Experiment, configurations: list[Cell]) -> list[Cell]:
-    """The configurations, and one of every scene (of rays: of every race) again under a second label: what two equal ones
-    differ in is noise."""
+    """The configurations, and some of them again under another label: what persists between two equal ones is what the machine
+    does. `FEWEST_TWINS`, or one in every scene (of rays: in every race) if these are more. Each is of a configuration that has
+    the fewest so far, of these of an engine that has the fewest: in turn of a fast one and of a slow one."""
     if not experiment.aa_twin:
         return configurations
-    scenes: dict[Any, list[Cell]] = {}
+    races: dict[Any, list[Cell]] = {}
     for cell in configurations:
         if not cell.skip:
             race = cell.ray_set and (cell.ray_set.kind, cell.settings.threads)
-            scenes.setdefault((cell.scene.path, cell.scene.parameters, race), []).append(cell)
-    return [*configurations, *(replace(_twinned(experiment, cells), label=AA_LABEL) for cells in scenes.values())]
+            races.setdefault((cell.scene.path, cell.scene.parameters, race), []).append(cell)
+    groups, twins = list(races.values()), list[Cell]()
+    for number in range(max(FEWEST_TWINS, len(groups)) if groups else 0):
+        lap, place = divmod(number, len(groups))
+        twins.append(_twin(groups[place], twins, slow=(lap + place) % 2 == 1))
+    return [*configurations, *twins]
 
 
-def _twinned(experiment: Experiment, cells: list[Cell]) -> Cell:
-    """Of a scene's configurations the first that the config's baseline matches, else that of an engine to prefer, else the
-    first."""
-    if experiment.baseline is not None:
-        return next((cell for cell in cells if experiment.baseline.matches(settings_of(cell))), cells[0])
-    return next((cell for name in PREFERRED_BASELINES for cell in cells if cell.engine_name == name), cells[0])
+def _twin(cells: list[Cell], twins: list[Cell], slow: bool) -> Cell:
+    """One more beside `twins`, of one of `cells`."""
+    of_it, of_engine = Counter(twin.configuration for twin in twins), Counter(twin.engine_name for twin in twins)
+    sign = 1 if slow else -1
+    original = min(cells, key=lambda cell: (of_it[cell.configuration], of_engine[cell.engine_name], sign * _speed_rank(cell)))
+    count = of_it[original.configuration]
+    return replace(original, label=f"{AA_LABEL} {count + 1}" if count else AA_LABEL)
+
+
+def _speed_rank(cell: Cell) -> int:
+    """Of the engine, as far as that is known without a measurement: numpy is the slowest."""
+    return PREFERRED_BASELINES.index(cell.engine_name) if cell.engine_name in PREFERRED_BASELINES else len(PREFERRED_BASELINES)
 
 
 def _in_block(cell: Cell, experiment: Experiment, block: int) -> Cell:

@@ -12,7 +12,8 @@ from rich.markup import escape
 from rich.table import Table as Printed
 
 from harness.analysis.columns import Column, Table
-from harness.report.tables.evidence import contended_text
+from harness.analysis.rays import ray_races
+from harness.report.tables.evidence import contended_text, spreads_text
 from harness.report.tables.model import cell_text
 from harness.report.tables.rays import rays
 from harness.statistics import Estimate
@@ -27,11 +28,13 @@ SHOWN = (*OF_RATES, "wrong", "missed", "false_hits", *SHARES, "t_p999", "build_s
 
 
 def rays_text(results: Results) -> str:
-    """A table a scene, set of rays and number of threads, what was declined or failed, and how busy the machine was; empty
-    without cells that trace rays."""
+    """A table a scene, set of rays and number of threads, what was declined or failed, how busy the machine was, and its
+    persistent spread; empty without cells that trace rays."""
     table = rays(results)
     contended = [cell.machine.contended for cell in results.ray_cells if cell.state == "done" and cell.passes]
-    return "".join(f"{line}\n" for line in _lines(table, contended)) if table.rows else ""
+    compared = {one.settings.machine: one.spread for race in ray_races(results) for one in race if one.ratio is not None}
+    lines = filter(None, [*_lines(table, contended), spreads_text(compared)])
+    return "".join(f"{line}\n" for line in lines) if table.rows else ""
 
 
 def _lines(table: Table, contended: Sequence[bool | None]) -> Iterator[str]:

@@ -1,7 +1,8 @@
 """How often the rules of this package are wrong, and what they find, on synthetic contestants made of a run's own noise.
 
-Times are residuals of ln seconds, drawn anew for every contestant and block; images enter as tile means. What judges them are
-`race` and `bias_of`, which judge the run.
+Times are residuals of ln seconds, drawn anew for every contestant and block, and what persists of a contestant over all
+blocks, drawn from the run's persistent spread; images enter as tile means. What judges them are `race` and `bias_of`, which
+judge the run.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.statistics.bias import RadianceSample, bias_of
-from harness.statistics.ratios import FEWEST_BLOCKS, MARGIN, Race, noise_floor, race, twin_distance
+from harness.statistics.ratios import FEWEST_BLOCKS, MARGIN, PersistentSpread, Race, persistent_spread, race, twin_pairs
 from harness.statistics.tiles import Differences, differences_of, relative
 
 Array = NDArray[np.float64]
@@ -31,23 +32,25 @@ BIASES = tuple(float(f"{10 ** (step / 10):.2g}") / 1e4 for step in range(41))
 
 
 class RaceNoise(NamedTuple):
-    """A race as calibration needs it: `residuals` (m,) of ln seconds, scaled; contestants and blocks; whether there are A/A
-    twins; `clock`, the clock's resolution over the shortest time."""
+    """A race as calibration needs it: `residuals` (m,) of ln seconds, scaled; contestants and blocks; `spread`, that of the run
+    on this machine; `clock`, the clock's resolution over the shortest time."""
 
     residuals: Array
     contestants: int
     blocks: int
-    twins: bool
+    spread: PersistentSpread
     clock: float = 0.0
 
 
 class RaceFigures(NamedTuple):
     """Shares of the repetitions: a single winner among identical contestants; a true ratio within its 95 % interval; `slower`
-    said of one that is slower by each of `SLOWER`."""
+    said of one that is slower by each of `SLOWER`. `false_differences`: how often `faster` or `slower` is said in a race of
+    identical contestants; None in archives that were made before it was counted."""
 
     false_winners: float
     coverage: float
     power: tuple[float, float]
+    false_differences: float | None = None
 
 
 class BiasFigures(NamedTuple):
@@ -76,53 +79,40 @@ def race_figures(
 ) -> RaceFigures:
     """Runs each kind of synthetic race `repetitions` times, with the noise of each of `noises` (one or more) in turn.
 
-    The second contestant is the slower one; all are compared with the first, whose twin there is where the run has twins.
+    The second contestant is the slower one; all are compared with the first. Each race has as many twins as the run, from which
+    its spread is found anew.
     """
-    winners, covered, intervals = 0, 0, 0
+    winners, differences, covered, intervals = 0, 0, 0, 0
     power = [0] * len(SLOWER)
     for repetition in range(repetitions):
         noise = noises[repetition % len(noises)]
-        found = _race(noise, 0.0, noises, rng, margin)
+        found = _race(noise, 0.0, rng, margin)
         winners += int(found.possible_winner.sum()) == 1
+        differences += sum(ratio.verdict in ("faster", "slower") for ratio in found.ratios)
         kinds = [(found, 0.0)]
         for at, share in enumerate(SLOWER):
-            found = _race(noise, math.log1p(share), noises, rng, margin)
+            found = _race(noise, math.log1p(share), rng, margin)
             power[at] += found.ratios[0].verdict == "slower"
             kinds.append((found, share))
         for found, share in kinds:
             truths = [1 / (1 + share), *[1.0] * (len(found.ratios) - 1)]
             covered += sum(ratio.low <= truth <= ratio.high for ratio, truth in zip(found.ratios, truths, strict=True))
             intervals += len(found.ratios)
-    return RaceFigures(winners / repetitions, covered / intervals, (power[0] / repetitions, power[1] / repetitions))
+    five, twenty = (count / repetitions for count in power)
+    return RaceFigures(winners / repetitions, covered / intervals, (five, twenty), differences / repetitions)
 
 
-def _race(noise: RaceNoise, slower: float, noises: Sequence[RaceNoise], rng: np.random.Generator, margin: float) -> Race:
-    """A synthetic race; the floor is made as in a run, of this race's twins and of those of the others."""
-    k = noise.contestants
-    logs = rng.choice(noise.residuals, (k + noise.twins, noise.blocks))
+def _race(noise: RaceNoise, slower: float, rng: np.random.Generator, margin: float) -> Race:
+    """A synthetic race. Its twins repeat contestants that take no part in it, as most twins of a run do."""
+    k, twins = noise.contestants, noise.spread.twins
+    logs = rng.choice(noise.residuals, (k + 2 * twins, noise.blocks))
+    if twins:
+        logs += rng.normal(0.0, math.sqrt(noise.spread.variance / 2), (len(logs), 1))
     logs[1] += slower
-    floor, twins = math.nan, []
-    if noise.twins:
-        twins = [(0, k)]
-        own = twin_distance(logs, logs, 0, k)
-        floor = noise_floor([own], [own, *(_twin_distance(other, rng) for other in noises if other is not noise)])
-    return race(
-        logs,
-        logs,
-        [(row, 0) for row in range(1, k)],
-        floor,
-        ranked=np.arange(len(logs)) < k,
-        twins=twins,
-        clock=noise.clock,
-        margin=margin,
-    )
-
-
-def _twin_distance(noise: RaceNoise, rng: np.random.Generator) -> float:
-    if not noise.twins:
-        return math.nan
-    one, other = rng.choice(noise.residuals, (2, noise.blocks))
-    return abs(float((one - other).mean()))
+    ranked = np.arange(len(logs)) < k
+    pairs = twin_pairs(logs, logs, [(row, row + twins) for row in range(k, k + twins)], ranked=ranked, clock=noise.clock)
+    logs = logs[:k]
+    return race(logs, logs, [(row, 0) for row in range(1, k)], persistent_spread(pairs), clock=noise.clock, margin=margin)
 
 
 def bias_figures(samples: Sequence[RadianceSample], repetitions: int, rng: np.random.Generator) -> BiasFigures:

@@ -3,7 +3,8 @@
 A race is a scene and a target. Its contestants are rows of ln seconds, its blocks columns; a time of which only bounds are
 known has two ends. Every pair is tested on its paired differences with Student's t, each test on the bounds least favourable
 to what it claims. The variance of a pair is moderated by that of the whole race (Smyth 2004, "Linear models and empirical
-Bayes methods", with the weight of the race capped).
+Bayes methods", with the weight of the race capped). Added to it is the variance of what differs between two equal contestants
+in all blocks alike, which A/A twins tell: see `persistent_spread`.
 """
 
 from __future__ import annotations
@@ -24,14 +25,12 @@ Rows = NDArray[np.int64]
 
 ALPHA = 0.05
 """Probability of a false verdict in a race: of a false `faster` or `slower` (Holm), and of a false single winner."""
-TWINS_ALPHA = 0.01
-"""Level at which A/A twins are separated; then nothing in their race is."""
 MARGIN = 0.05
 """Contestants whose times surely differ by less than this share are the same."""
 FEWEST_BLOCKS = 3
 """Blocks below which no verdict is given."""
 LEAST_ERROR = 0.005
-"""Least standard error of a mean log ratio: what stays the same from block to block is not seen in their spread."""
+"""Least standard error of a mean log ratio: a few blocks may agree by chance."""
 POOLED_FREEDOM = 4
 """Most degrees of freedom that the race's variance has in that of a pair."""
 
@@ -51,14 +50,46 @@ class Ratio(NamedTuple):
 
 
 class Race(NamedTuple):
-    """`ratios` of the pairs asked for, and (k,) whether a contestant may be the fastest.
-
-    `twins_separated`: the A/A twins differ, so that nothing is concluded.
-    """
+    """`ratios` of the pairs asked for, and (k,) whether a contestant may be the fastest."""
 
     ratios: list[Ratio]
     possible_winner: Mask
-    twins_separated: bool
+
+
+class TwinPair(NamedTuple):
+    """A twin beside its original: the mean over blocks of their ln ratio, and its standard error from the blocks, moderated."""
+
+    difference: float
+    error: float
+
+
+class PersistentSpread(NamedTuple):
+    """What differs between two equal contestants in all blocks alike, from a number of twins. `variance` of the mean ln ratio,
+    beyond what `noise`, the mean squared standard error of the twins, explains; NaN without twins."""
+
+    variance: float
+    twins: int
+    noise: float
+
+    @property
+    def share(self) -> float:
+        """One standard deviation as a share: 0.03 for 3 %; NaN without twins."""
+        return math.expm1(math.sqrt(self.variance))
+
+
+UNKNOWN_SPREAD = PersistentSpread(math.nan, 0, math.nan)
+NO_SPREAD = PersistentSpread(0.0, 0, 0.0)
+"""Of measures that a computer repeats exactly."""
+
+
+def persistent_spread(pairs: Sequence[TwinPair]) -> PersistentSpread:
+    """The variance component of all twins of one machine: max(0, mean difference^2 - mean error^2). `UNKNOWN_SPREAD` without
+    twins."""
+    if not pairs:
+        return UNKNOWN_SPREAD
+    differences, errors = np.array(pairs).T
+    noise = float((errors**2).mean())
+    return PersistentSpread(max(0.0, float((differences**2).mean()) - noise), len(pairs), noise)
 
 
 class _Pairs(NamedTuple):
@@ -70,9 +101,9 @@ class _Pairs(NamedTuple):
     freedom: Array
     blocks: Rows
 
-    def slower(self, floor: float) -> Array:
-        """One-sided p of "i is slower than j by more than `floor`", a log ratio; 1 below three blocks, NaN with a NaN floor."""
-        p = stdtr(self.freedom, (floor - self.excess) / self.error).max(axis=0)
+    def slower(self) -> Array:
+        """One-sided p of "i is slower than j"; 1 below three blocks."""
+        p = stdtr(self.freedom, -self.excess / self.error).max(axis=0)
         return np.where(self.blocks >= FEWEST_BLOCKS, p, 1.0)
 
     def least(self, level: float, i: Rows, j: Rows) -> Array:
@@ -89,15 +120,23 @@ class _Pairs(NamedTuple):
 
         return _Pairs(stacked("excess"), stacked("error"), stacked("freedom"), self.blocks)
 
+    def spread_by(self, spread: PersistentSpread) -> _Pairs:
+        """With the variance of the spread added to that of the blocks, and the degrees of freedom of the sum (Satterthwaite
+        1946); as they are where the spread is unknown."""
+        if math.isnan(spread.variance):
+            return self
+        total = self.error**2 + spread.variance
+        uncertain = spread.variance * (spread.variance + spread.noise) / max(spread.twins, 1)
+        return self._replace(error=np.sqrt(total), freedom=total**2 / (self.error**4 / self.freedom + uncertain))
+
 
 def race(
     low: Array,
     high: Array,
     compared: Sequence[tuple[int, int]],
-    floor: float,
+    spread: PersistentSpread,
     *,
     ranked: Mask | None = None,
-    twins: Sequence[tuple[int, int]] = (),
     clock: Array | float = 0.0,
     margin: float = MARGIN,
     readings: Sequence[tuple[Array, Array]] = (),
@@ -106,42 +145,40 @@ def race(
     """All ratios, verdicts and possible winners among k contestants in n blocks.
 
     `low`, `high`: (k, n) bounds of ln seconds: equal where measured, -inf and inf where there is none, NaN where a contestant
-    was not measured in a block. `compared`: (contestant, baseline), pairs of rows. `floor`: the noise floor as a log ratio, see
-    `noise_floor`; NaN, where it was not measured, leaves all unresolved but what is the same. `ranked`: (k,), the
-    contestants of one division that may win; others, such as twins, take no part in corrections. `twins`: pairs of
-    rows. `clock`: (k,), the clock's resolution over the seconds. `readings`: `low` and `high` as found in other ways,
-    under which too a verdict has to hold between contestants that are `mixed` (k, k), of different kinds.
+    was not measured in a block. `compared`: (contestant, baseline), pairs of rows. `spread`: that of the machine, see
+    `persistent_spread`; where it is unknown, intervals hold the noise of blocks alone, and all is unresolved. `ranked`: (k,),
+    the contestants of one division that may win; others, such as twins, take no part in corrections. `clock`: (k,), the
+    clock's resolution over the seconds. `readings`: `low` and `high` as found in other ways, under which too a verdict has to
+    hold between contestants that are `mixed` (k, k), of different kinds.
 
-    `faster` and `slower` hold together at 5 % for all pairs of ranked ones (Holm 1979), of differences beyond the floor. `same`
-    precedes them: the 90 % interval lies within ±ln(1 + `margin`). A contestant may be the fastest if no one-sided
-    test finds it slower than another, at 5 % over max(2, k - 1); none may where none reached the target.
+    `faster` and `slower` hold together at 5 % for all pairs of ranked ones (Holm 1979). `same` precedes them: the 90 % interval
+    lies within ±ln(1 + `margin`). A contestant may be the fastest if no one-sided test finds it slower than another, at 5 %
+    over max(2, k - 1); none may where none reached the target.
     """
     rows = np.ones(len(low), np.bool_) if ranked is None else np.asarray(ranked, np.bool_)
     pairs = _pairs(low, high, rows, clock)
     if mixed is not None:
         pairs = pairs.beside([_pairs(*bounds, rows, clock) for bounds in readings], mixed)
-    separated = _separated(pairs, twins)
-    p = pairs.slower(floor)
-    found = _ratios(pairs, p, np.asarray(compared, np.int64).reshape(-1, 2), rows, margin, separated)
-    return Race(found, _possible_winners(p, high, rows, separated), separated)
+    pairs = pairs.spread_by(spread)
+    known = not math.isnan(spread.variance)
+    p = pairs.slower() if known else np.ones(pairs.blocks.shape)
+    found = _ratios(pairs, p, np.asarray(compared, np.int64).reshape(-1, 2), rows, margin, known)
+    return Race(found, _possible_winners(p, high, rows))
 
 
-def noise_floor(own: Sequence[float], all_twins: Sequence[float]) -> float:
-    """The noise floor of a race from the |ln ratio| of its own twins and of all twins of the run; NaN without twins of its own.
-
-    It is the largest of its own and the run's median, so that a pair which came out alike by luck gives no floor near 0.
-    """
-    known = [value for value in own if math.isfinite(value)]
-    return max(*known, float(np.median([v for v in all_twins if math.isfinite(v)]))) if known else math.nan
-
-
-def twin_distance(low: Array, high: Array, one: int, other: int) -> float:
-    """|ln ratio| of two rows over the blocks that both have; NaN where some of their times are bounds."""
-    exact = (low[[one, other]] == high[[one, other]]).all(axis=0)
-    present = ~np.isnan(low[[one, other]]).any(axis=0)
-    if not present.any() or not exact[present].all():
-        return math.nan
-    return abs(float((low[one] - low[other])[present].mean()))
+def twin_pairs(
+    low: Array, high: Array, twins: Sequence[tuple[int, int]], *, ranked: Mask | None = None, clock: Array | float = 0.0
+) -> list[TwinPair]:
+    """Of the twins of a race, (original, twin) rows, those that have three blocks with known times in common. The other
+    arguments are as in `race`."""
+    rows = np.ones(len(low), np.bool_) if ranked is None else np.asarray(ranked, np.bool_)
+    pairs = _pairs(low, high, rows, clock)
+    found = []
+    for original, twin in twins:
+        least, most = pairs.excess[0, twin, original], -pairs.excess[0, original, twin]
+        if pairs.blocks[twin, original] >= FEWEST_BLOCKS and math.isclose(least, most, abs_tol=1e-12):
+            found.append(TwinPair(float(least), float(pairs.error[0, twin, original])))
+    return found
 
 
 def _pairs(low: Array, high: Array, ranked: Mask, clock: Array | float) -> _Pairs:
@@ -172,23 +209,14 @@ def _pooled(low: Array, high: Array, ranked: Mask) -> tuple[float, int]:
     return float((residuals**2).sum() / ((k - 1) * (n - 1))), min(POOLED_FREEDOM, (k - 2) * (n - 1))
 
 
-def _separated(pairs: _Pairs, twins: Sequence[tuple[int, int]]) -> bool:
-    """Whether the times of some twins differ, by two-sided tests with Bonferroni's correction."""
-    if not twins:
-        return False
-    i, j = np.array(twins).T
-    least = np.maximum(pairs.least(1 - TWINS_ALPHA / len(twins), i, j), pairs.least(1 - TWINS_ALPHA / len(twins), j, i))
-    return bool(((least > 0) & (pairs.blocks[i, j] >= FEWEST_BLOCKS)).any())
-
-
-def _ratios(pairs: _Pairs, p: Array, compared: Rows, ranked: Mask, margin: float, separated: bool) -> list[Ratio]:
+def _ratios(pairs: _Pairs, p: Array, compared: Rows, ranked: Mask, margin: float, known: bool) -> list[Ratio]:
     of, base = compared.T
     least, most, blocks = pairs.excess[0, base, of], -pairs.excess[0, of, base], pairs.blocks[of, base]
     ends, inner = ((pairs.least(level, base, of), -pairs.least(level, of, base)) for level in (LEVEL, 1 - 2 * ALPHA))
     sure = holm(np.minimum(2 * np.minimum(p[base, of], p[of, base]), 1.0), ranked[of] & ranked[base]) <= ALPHA
     verdicts = np.where(sure, np.where(p[base, of] < p[of, base], "faster", "slower"), "unresolved")
     verdicts[(inner[0] > -math.log1p(margin)) & (inner[1] < math.log1p(margin))] = "same"
-    verdicts[(blocks < FEWEST_BLOCKS) | separated] = "unresolved"
+    verdicts[(blocks < FEWEST_BLOCKS) | (not known)] = "unresolved"
     ends = np.where(blocks > 1, ends, math.nan)
     return [
         Ratio(exp(_between(*bounds)), exp(low), exp(high), count, verdict)
@@ -207,13 +235,10 @@ def holm(p: Array, family: Mask) -> Array:
     return adjusted
 
 
-def _possible_winners(p: Array, high: Array, ranked: Mask, separated: bool) -> Mask:
+def _possible_winners(p: Array, high: Array, ranked: Mask) -> Mask:
     if not np.isfinite(high[ranked]).any():
         return np.zeros_like(ranked)
-    if separated:
-        return ranked
-    with np.errstate(invalid="ignore"):
-        slower = (p <= ALPHA / max(2, int(ranked.sum()) - 1)) & ranked
+    slower = (p <= ALPHA / max(2, int(ranked.sum()) - 1)) & ranked
     return ranked & ~slower.any(axis=1)
 
 

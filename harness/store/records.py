@@ -496,7 +496,7 @@ class ArchivedVerdicts(Record):
 class Calibration(Record):
     """What a run's own noise says about its verdicts; in archives that of the run. `races` and `bias` are None where the run is
     too small for them. They rest on `race_count` races and `image_count` contestants, `repetitions` and `image_repetitions`
-    times in all. `without_twins`: races that have no A/A twins."""
+    times in all. `without_twins`: races of a machine without A/A twins."""
 
     event: Literal["calibration"] = "calibration"
     races: Annotated[RaceFigures | None, AsObject]

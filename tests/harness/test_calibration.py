@@ -11,6 +11,7 @@ from harness.analysis import analyse, calibration
 from harness.report.archive import archive
 from harness.report.html.assembly import report_html
 from harness.report.tables import all_tables
+from harness.statistics import UNKNOWN_SPREAD, PersistentSpread
 from harness.statistics.bias import IMAGE_FLAG_Z, RadianceSample
 from harness.statistics.calibration import RaceNoise, bias_figures, race_figures, scaled_residuals
 from harness.statistics.tiles import TileSample
@@ -24,8 +25,9 @@ MIDDLE = 0.84
 """The normal quantile of 80 %."""
 
 
-def noise(sd, k=6, n=5, twins=True):
-    return RaceNoise(np.random.default_rng(3).normal(0, sd, 4000), k, n, twins)
+def noise(sd, k=6, n=5, spread=0.0, twins=4):
+    found = PersistentSpread(spread**2, twins, sd**2 / n) if twins else UNKNOWN_SPREAD
+    return RaceNoise(np.random.default_rng(3).normal(0, sd, 4000), k, n, found)
 
 
 @pytest.mark.parametrize(("k", "n"), [(2, 3), (4, 7)])
@@ -38,13 +40,14 @@ def test_residuals_are_as_wide_as_the_noise(k, n):
 
 
 def test_races_of_known_noise():
-    """20 % slower is seen at 2 % noise, but where the twins happen to be separated, at 1 %; at 30 % noise hardly ever."""
+    """20 % slower is seen at 2 % noise; at 30 % noise, and where as much persists, hardly ever."""
     rng = np.random.default_rng(2)
-    quiet, loud = (race_figures([noise(sd)], 200, rng) for sd in (0.02, 0.3))
-    assert quiet.false_winners <= 0.03 and quiet.coverage >= 0.93 and loud.coverage >= 0.93
-    assert quiet.power[1] >= 0.97 and loud.power[1] < 0.1 and quiet.power[0] < quiet.power[1]
-    pair = race_figures([noise(0.05, k=2, twins=False), noise(0.05, k=3)], 200, rng)
-    assert pair.power[1] < 0.9, "without twins there is no floor, and nothing is called slower"
+    quiet, loud, apart = (race_figures([made], 200, rng) for made in (noise(0.02), noise(0.3), noise(0.02, spread=0.2)))
+    for found in (quiet, loud, apart):
+        assert found.false_winners <= 0.03 and found.coverage >= 0.92 and found.false_differences <= 0.15
+    assert quiet.power[1] >= 0.97 and loud.power[1] < 0.1 and apart.power[1] < 0.2 and quiet.power[0] < quiet.power[1]
+    pair = race_figures([noise(0.05, k=2, twins=0), noise(0.05, k=3)], 200, rng)
+    assert pair.power[1] < 0.9, "without twins the spread is unknown, and nothing is called slower"
 
 
 def image_noise(se, n=5, rows=6):
@@ -80,22 +83,30 @@ def test_an_archive_without_images_keeps_the_figures_of_the_run(folders):
     assert calibration.figures(kept) == calibration.figures(ours) and calibration.rests_on(kept) == calibration.rests_on(ours)
 
 
+def test_an_archive_of_earlier_rules_is_judged_by_these_and_keeps_the_figures_of_its_images(folders):
+    analysis = analyse(load_results(folders[1]))
+    ours = analysis.results.calibration
+    old = ours.replaced(races=ours.races._replace(coverage=0.5, false_differences=None))
+    found = calibration.calibrate(replace(analysis, results=replace(analysis.results, calibration=old)))
+    assert calibration.figures(found) == calibration.figures(ours)
+
+
 def test_races_without_twins_are_named(folders):
     """Nothing is called slower in them, whatever their noise."""
     analysis = analyse(load_results(folders[0]))
-    kept = [verdict for verdict in analysis.verdicts if not verdict.contestant.settings.label]
-    bare = calibration.calibrate(replace(analysis, verdicts=kept), 1)
-    assert bare.races.power == (0, 0) and bare.races.false_winners == 0
+    unknown = dict.fromkeys(analysis.spreads, UNKNOWN_SPREAD)
+    bare = calibration.calibrate(replace(analysis, spreads=unknown), 1)
+    assert bare.races.power == (0, 0) and bare.races.false_winners == bare.races.false_differences == 0
     assert f"{bare.race_count} of the races have no A/A twins" in calibration.rests_on(bare)
 
 
-def test_the_command_prints_five_figures_and_the_report_shows_them(folders):
+def test_the_command_prints_six_figures_and_the_report_shows_them(folders):
     done = sweeping.raybench("calibrate", folders[1])
     assert done.returncode == 0, done.stderr
     analysis = analyse(load_results(folders[1]))
     page = report_html(analysis, all_tables(analysis), [])
     figures = calibration.figures(calibration.calibrate(analysis))
-    assert len(figures) == 5
+    assert len(figures) == 6
     said = " ".join(done.stdout.split())
     for figure in figures:
         assert figure.name in said and f"<dt>{figure.name}</dt><dd>{figure.value}" in page

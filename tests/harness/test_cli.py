@@ -13,6 +13,7 @@ from rich.console import Console
 
 from engines.choices import Choice
 from engines.image import read_film_layers, read_provenance
+from harness.measure.machine import usable_cores
 from harness.run import progress
 from harness.settings import CellSettings
 from tests.harness import sweeping
@@ -219,6 +220,10 @@ def test_plan_shows_states_reasons_and_time(finished):
     assert "9 cells in 3 blocks: 4 done, 2 queued, 3 skipped" in said
     assert "it never feels like it" in said and "2 to measure:" in said and "as measured before" in said
     assert "reference of ball 12x8 64 spp" in said
+    cores = len(usable_cores())
+    assert ("no core is left for other work" in said) == (cores == 1)
+    full = ended(with_own_references("plan", path, *more, "--set", f"threads={cores}", cwd=folder), 0)
+    assert f"{cores} core{'s' if cores > 1 else ''}: no core is left for other work" in full
     assert "ready; too few samples: the target 0.1 in relMSE (ε = 0.01) needs about" in said
     easy = ended(with_own_references("plan", path, "--set", "quality.targets=[1.0]", cwd=folder), 0)
     assert "ready; enough samples: the target 1 in relMSE (ε = 0.01) needs about" in easy

@@ -16,6 +16,7 @@ from engines.peers.external import Engine as Program
 from engines.peers.mitsuba import Engine as MitsubaEngine
 from engines.schema.yaml_file import parse_yaml
 from harness import config
+from harness.config.experiment import FEWEST_TWINS
 from harness.config.paths import shipped
 from harness.hashing import canonical_json, digest
 from harness.plan import answers, planner, state
@@ -118,28 +119,46 @@ def test_the_random_state_of_the_program_is_not_touched(tmp_path):
 
 def test_a_control_runs_one_configuration_under_two_labels(tmp_path):
     made = planned(tmp_path, overrides=["aa_twin=true"])
-    control = [cell for cell in made.cells if cell.label == planner.AA_LABEL]
-    assert len(control) == 2
+    control = [cell for cell in made.cells if cell.label]
+    assert len(control) == 2 * FEWEST_TWINS
+    assert len({cell.cell_id for cell in made.cells}) == len(made.cells)
     for cell in control:
         same = [c for c in made.cells if c.configuration == cell.configuration and c.seed == cell.seed]
-        (twin,) = [c for c in same if not c.label]
-        assert twin.cell_id != cell.cell_id and twin.settings == cell.settings
+        (original,) = [c for c in same if not c.label]
+        assert original.cell_id != cell.cell_id and original.settings == cell.settings
     assert not any(cell.label for cell in planned(tmp_path).cells), "too few repeats for one"
 
 
-def test_every_scene_has_a_twin_of_its_baseline_s_first_configuration(tmp_path):
-    """Of the baseline engine where the scene has it; else of the first."""
-    text = sweeping.EXPERIMENT.replace("scene: ball.yaml\n", "").replace(
-        "matrix: {engine: ['fake_engines:Steady', 'fake_engines:Other']}",
-        "matrix: {scene: [ball.yaml, two.yaml], engine: ['fake_engines:Steady', 'fake_engines:Other'], "
-        "sampler: [sobol, random]}\nexclude: [{scene: two, engine: '*Other'}]\nbaseline: other",
-    )
-    (tmp_path / "two.yaml").write_text(sweeping.SCENE.replace("radius: 1", "radius: 2"))
-    made = planned(tmp_path, text.replace("repeats: 2", "repeats: 3"))
-    twins = [(c.scene.name, c.engine_name, c.settings.sampler.name) for c in made.cells if c.label == planner.AA_LABEL]
-    assert sorted(twins) == sorted(3 * [("ball", "other", "sobol"), ("two", "steady", "sobol")])
-    assert not any(cell.label for cell in planned(tmp_path, text, ["repeats=3", "timing=false"]).cells)
-    assert not any(cell.label for cell in planned(tmp_path, text, ["repeats=3", "aa_twin=false"]).cells)
+def twins_of(made):
+    """(scene, engine, sampler, label) of the twins of the first block, sorted."""
+    twins = [cell for cell in made.cells if cell.label and cell.block == 0]
+    return sorted((c.scene.name, c.engine_name, c.settings.sampler.name, c.label) for c in twins)
+
+
+def test_a_run_of_one_scene_and_two_contestants_has_four_twins(tmp_path):
+    """Two of each; the same ones whenever it is planned."""
+    text = sweeping.EXPERIMENT.replace("repeats: 2", "repeats: 3")
+    labels = [planner.AA_LABEL, f"{planner.AA_LABEL} 2"]
+    expected = [("ball", engine, "sobol", label) for engine in ("other", "steady") for label in labels]
+    assert twins_of(planned(tmp_path, text)) == twins_of(planned(tmp_path, text)) == expected
+    assert not twins_of(planned(tmp_path, text, ["timing=false"]))
+    assert not twins_of(planned(tmp_path, text, ["aa_twin=false"]))
+
+
+def test_twins_are_spread_over_scenes_and_engines(tmp_path):
+    """Two scenes have two twins each, five have one; of each engine, and in each scene of one that it has."""
+    engines = "['fake_engines:Steady', 'fake_engines:Other']"
+    for count, each in ((2, 2), (5, 1)):
+        names = [f"ball{index}" for index in range(count)]
+        for index, name in enumerate(names):
+            (tmp_path / f"{name}.yaml").write_text(sweeping.SCENE.replace("radius: 1", f"radius: {1 + index}"))
+        files = [f"{name}.yaml" for name in names]
+        text = sweeping.EXPERIMENT.replace("scene: ball.yaml\n", "").replace("repeats: 2", "repeats: 3")
+        text = text.replace(f"engine: {engines}", f"scene: [{', '.join(files)}], engine: {engines}, sampler: [sobol, random]")
+        found = twins_of(planned(tmp_path, text + "exclude: [{scene: ball1, engine: '*Other'}]\n"))
+        assert [name for name, *_ in found] == [name for name in names for _ in range(each)]
+        assert {engine for _, engine, _, _ in found} == {"steady", "other"}
+        assert {engine for name, engine, _, _ in found if name == "ball1"} == {"steady"}
 
 
 PATTERNED = sweeping.EXPERIMENT.replace("fake_engines:Other", "fake_engines:Patterned") + "sampler: stratified\n"

@@ -1,4 +1,4 @@
-"""Races in results of known truth: who is compared with whom, by which noise floor, and who may not be ranked."""
+"""Races in results of known truth: who is compared with whom, with what persistent spread, and who may not be ranked."""
 
 import math
 
@@ -184,50 +184,54 @@ def test_auto_of_two_engines_is_one_setting_whatever_its_options(tmp_path):
     assert (found.loc["embree"].baseline, found.loc["embree"].factor) == ("numba", "engine")
 
 
-# Floors
+# Persistent spread
 
 
-def test_the_floor_is_of_the_scene_and_never_zero(tmp_path):
-    found = results(
-        tmp_path,
-        contestant(0.2, engine="numpy"),
-        twins(noise=0.05),
-        contestant(0.2, engine="numpy", scene="yard"),
-        contestant(0.01, scene="yard"),
-    )
-    here, there = verdicts(found), verdicts(found, scene="yard")
-    apart = here.loc["numba A/A"].ratio
-    assert here.noise_floor.to_numpy() == pytest.approx(math.exp(abs(math.log(apart))) - 1)
-    assert here.loc["numba"].verdict == "faster"
-    assert there.noise_floor.isna().all() and there.loc["numba"].verdict == "unresolved"
-    assert there.loc["numba"].ratio == pytest.approx(20, rel=0.05) and there.possible_winner.all()
+def test_the_spread_is_that_of_all_twins_of_the_run_and_the_same_in_every_scene(tmp_path):
+    """The twin of the hall is the same as its original, that of the yard takes 10 % longer in every block."""
+    made = [contestant(0.2, engine="numpy", scene=scene) for scene in ("hall", "yard", "lake")]
+    made += [contestant(0.01, scene="yard", noise=0), contestant(0.011, scene="yard", label=TWIN, noise=0)]
+    found = results(tmp_path, *made, twins(noise=0), contestant(0.01, scene="lake"))
+    expected = math.expm1(math.log(1.1) / math.sqrt(2))
+    for scene in ("hall", "yard", "lake"):
+        rows = verdicts(found, scene=scene)
+        assert rows.persistent_spread.to_numpy() == pytest.approx(expected, rel=0.05) and (rows.twins == 2).all()
+        assert rows.loc["numba"].verdict == "faster"
     words = evidence(analyse(found))
-    assert "5 blocks." in words and "Noise floor (A/A twins): hall" in words
-    assert "not measured on yard: nothing is called faster or slower there" in words
+    assert "5 blocks." in words and "Persistent spread: 7 % (2 twins); fewer than 4 twins tell little of it." in words
 
 
-def test_a_scenes_floor_is_at_least_the_runs_median(tmp_path):
-    """Twins of a, b and c differ by 1, 5 and 20 %; without noise these are their ratios."""
-    made = [contestant(0.2, engine="numpy", scene=s, noise=0) for s in "abc"]
-    for scene, factor in zip("abc", (1.01, 1.05, 1.2), strict=True):
-        made += [contestant(0.01, scene=scene, noise=0), contestant(0.01 * factor, scene=scene, noise=0, label=TWIN)]
-    found = analyse(results(tmp_path, *made))
-    floors = [math.expm1(found.floor(scene, 0.01)) for scene in "abc"]
-    assert floors == pytest.approx([0.05, 0.05, 0.2])
-    assert found.separated >= {("c", "time to 0.01")}, "twins that always differ by 20 % are no noise"
-
-
-def test_the_floor_of_a_target_that_twins_missed_is_that_of_the_nearest_they_reached(tmp_path):
-    slow = twins(level=2.0, noise=0.05)  # ends at 2 / 128: the first target alone
-    found = analyse(results(tmp_path, slow, contestant(0.005, engine="embree")))
-    assert found.floor("hall", 0.01) == found.floor("hall", 0.1) > 0
-
-
-def test_separated_twins_leave_a_scene_unresolved(tmp_path):
-    found = results(tmp_path, contestant(0.2, engine="numpy"), contestant(0.01), contestant(0.013, label=TWIN))
+def test_a_run_without_twins_gives_ratios_and_no_verdicts(tmp_path):
+    found = results(tmp_path, contestant(0.2, engine="numpy"), contestant(0.01), contestant(0.01, engine="embree"))
     rows = verdicts(found)
-    assert (rows.verdict.isin(["unresolved", ""])).all() and rows[rows.label == ""].possible_winner.all()
-    assert "The A/A twins differ on hall: verdicts there are unresolved." in evidence(analyse(found))
+    assert rows.persistent_spread.isna().all() and (rows.twins == 0).all() and rows.possible_winner.all()
+    assert rows.loc["numba"].verdict == "unresolved" and rows.loc["numba"].ratio == pytest.approx(20, rel=0.05)
+    assert "Persistent spread: not measured; without A/A twins nothing is called faster" in evidence(analyse(found))
+
+
+def test_machines_have_spreads_of_their_own(tmp_path):
+    """Twins of one machine differ by 20 %, those of the other do not."""
+
+    def elsewhere(cell):
+        cell["env_id"] = "other" + cell["env_id"]
+        cell["cell_id"] += "-other"
+
+    here = contestant(0.01, noise=0), contestant(0.012, noise=0, label=TWIN)
+    found = analyse(results(tmp_path, *here, twins(noise=0.001, change=elsewhere)))
+    shares = {v.contestant.settings.machine: found.spread(v.contestant).share for v in found.verdicts}
+    assert sorted(shares.values()) == pytest.approx([0, 0.2], abs=0.01)
+    assert evidence(found).count("Persistent spread on ") == 2
+
+
+def test_a_lead_that_twins_show_too_is_unresolved(tmp_path):
+    """A fifth faster in every block, where twins of equal settings differ by as much; twice as fast is none the less seen."""
+    made = [contestant(0.012, engine="numpy", noise=0.001), contestant(0.01, noise=0.001)]
+    for at, apart in enumerate((1.2, 1.1, 0.85, 0.95)):
+        made.append(contestant(0.01 * apart, noise=0.001, label=f"{TWIN}{at}"))
+    found = results(tmp_path, *made, contestant(0.002, engine="embree", noise=0.001))
+    rows = verdicts(found)
+    assert rows.loc["numba"].verdict == "unresolved" and rows.loc["embree"].verdict == "faster"
+    assert rows.loc["numba"].ratio_low < 1.0 < rows.loc["numba"].ratio_high < 2.0
 
 
 # Targets and pairs of one's own
@@ -255,7 +259,7 @@ def test_contestants_are_compared_in_any_pairs(tmp_path):
     )
     rows = [(0, "hall", f"numba {name}", "numba sobol", "sampler", "", True) for name in ("random", "halton")]
     asked = pd.DataFrame([*rows, (0, "hall", "numba sobol", "", "", "the baseline", True)], columns=PAIRS)
-    found = comparisons(analysis.crossings, asked, analysis.floors, 0.05)
+    found = comparisons(analysis.crossings, asked, analysis.spreads, 0.05)
     assert found.measure.tolist() == [m for m in ("seconds per sample", "time to 0.1", "time to 0.01") for _ in range(3)]
     for measure, rows in found.groupby("measure"):
         each = rows.set_index("contestant")

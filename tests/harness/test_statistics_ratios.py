@@ -10,10 +10,23 @@ import math
 
 import numpy as np
 import pytest
+from scipy.special import stdtrit
 
-from harness.statistics import bounded_interval, geometric_interval, mean_interval, noise_floor, race, twin_distance
+from harness.statistics import (
+    NO_SPREAD,
+    UNKNOWN_SPREAD,
+    PersistentSpread,
+    TwinPair,
+    bounded_interval,
+    geometric_interval,
+    mean_interval,
+    persistent_spread,
+    race,
+    twin_pairs,
+)
 from harness.statistics.ratios import LEAST_ERROR, holm
 from tests.chance import at_least, at_most
+from tests.simulated_runs import simulated as simulated_runs
 
 
 def times(rng, k, n, noise, slowed=0.0):
@@ -26,8 +39,8 @@ def against_first(k):
     return [(row, 0) for row in range(1, k)]
 
 
-def exact(logs, floor=0.0, **more):
-    return race(logs, logs, against_first(len(logs)), floor, **more)
+def exact(logs, spread=NO_SPREAD, **more):
+    return race(logs, logs, against_first(len(logs)), spread, **more)
 
 
 def simulated(k, n, noise, trials, effect=0.0, slowed=0.0, seed=1):
@@ -105,7 +118,7 @@ def test_what_slows_a_block_cancels_and_blocks_are_wanted():
     assert math.isnan(ratio.low), "one block has no interval"
 
 
-def test_the_standard_error_is_never_below_the_floor_or_the_clock():
+def test_the_standard_error_is_never_below_the_least_or_the_clock():
     logs = np.array([[0.0, 0.0, 0.0], [-0.01, -0.01, -0.01]])
     t = mean_interval([-1.0, 0.0, 1.0]).high * math.sqrt(3)
     assert exact(logs).ratios[0].high == pytest.approx(math.exp(0.01 + t * LEAST_ERROR))
@@ -154,65 +167,88 @@ def testholm_steps_down():
     assert adjusted[[0, 1, 2, 4]].tolist() == pytest.approx([0.03, 0.04, 0.04, 0.001]) and math.isnan(adjusted[3])
 
 
-# The noise floor
+# Persistent spread
 
 
-def test_a_verdict_needs_the_near_end_of_its_interval_beyond_the_floor():
-    """The interval is 1.29 and a little: it reaches into a floor of 28 %, and of 60 %."""
+def test_the_spread_is_what_twins_differ_by_beyond_their_noise():
+    """Mean d^2 less mean s^2, never below 0."""
+    found = persistent_spread([TwinPair(0.1, 0.02), TwinPair(-0.2, 0.04)])
+    assert found.noise == pytest.approx(0.001) and found.twins == 2
+    assert found.variance == pytest.approx(0.025 - 0.001) and found.share == pytest.approx(math.expm1(math.sqrt(0.024)))
+    assert persistent_spread([TwinPair(0.01, 0.02)]) == (0.0, 1, pytest.approx(0.0004))
+    assert persistent_spread([]) is UNKNOWN_SPREAD and math.isnan(UNKNOWN_SPREAD.share)
+
+
+def test_twins_differ_by_the_mean_of_the_blocks_that_both_have_with_the_races_variance():
+    rng = np.random.default_rng(6)
+    logs = times(rng, 4, 5, 0.05)
+    logs[3] = logs[0] + rng.normal(0.1, 0.05, 5)
+    logs[3, 4] = math.nan
+    ranked = np.array([True, True, True, False])
+    (pair,) = twin_pairs(logs, logs, [(0, 3)], ranked=ranked)
+    assert pair.difference == pytest.approx((logs[3] - logs[0])[:4].mean())
+    as_raced = race(logs, logs, [(3, 0)], NO_SPREAD, ranked=ranked).ratios[0]
+    t = mean_interval([-1.0, 0.0, 1.0]).high * math.sqrt(3)  # two degrees of freedom
+    assert 0 < math.log(as_raced.high / as_raced.low) < 2 * t * pair.error, "the race's variance adds to its own"
+    early = logs.copy()
+    early[3, 0] = -np.inf
+    assert not twin_pairs(early, logs, [(0, 3)], ranked=ranked), "a bound is no time"
+    assert not twin_pairs(logs[:, 2:], logs[:, 2:], [(0, 3)], ranked=ranked), "two blocks in common"
+
+
+@pytest.mark.parametrize(("variance", "twins", "noise"), [(0.01, 4, 0.002), (0.01, 1, 0.0), (0.0001, 7, 0.01)])
+def test_intervals_hold_the_sum_of_both_variances_with_satterthwaites_degrees_of_freedom(variance, twins, noise):
+    logs = np.array([[0.0, 0.0, 0.0, 0.0], [0.1, 0.3, 0.2, 0.4]])
+    square, blocks = logs[1].var(ddof=1) / 4, 3
+    freedom = (square + variance) ** 2 / (square**2 / blocks + variance * (variance + noise) / twins)
+    half = stdtrit(freedom, 0.975) * math.sqrt(square + variance)
+    ratio = exact(logs, PersistentSpread(variance, twins, noise)).ratios[0]
+    assert math.log(ratio.low) == pytest.approx(-0.25 - half) and math.log(ratio.high) == pytest.approx(-0.25 + half)
+
+
+def test_what_equal_contestants_differ_by_is_no_difference():
+    """A lead of 29 % in every block is a verdict where twins agree, and none where they differ by as much."""
     logs = np.zeros((2, 7)) + np.random.default_rng(6).normal(0, 0.3, 7)
     logs[1] -= math.log(1.29)
-    for floor, verdict in ((0.0, "faster"), (0.2, "faster"), (math.log(1.28), "unresolved"), (math.log(1.6), "unresolved")):
-        found = exact(logs, floor)
+    for share, verdict in ((0.0, "faster"), (0.02, "faster"), (0.29, "unresolved")):
+        found = exact(logs, PersistentSpread(math.log1p(share) ** 2, 4, 0.0001))
         assert found.ratios[0].verdict == verdict
         assert found.possible_winner.tolist() == [verdict == "unresolved", True]
 
 
-def test_without_a_twin_nothing_is_faster():
+def test_without_twins_there_are_ratios_and_no_verdicts():
     logs = np.array([[0.0] * 5, [-3.0] * 5, [0.001] * 5])
-    found = exact(logs, noise_floor([], [0.01]))
-    assert [ratio.verdict for ratio in found.ratios] == ["unresolved", "same"] and found.possible_winner.all()
-    assert found.ratios[0].ratio == pytest.approx(math.exp(3)), "the ratio is known, the verdict is not"
+    found = exact(logs, UNKNOWN_SPREAD)
+    assert [ratio.verdict for ratio in found.ratios] == ["unresolved", "unresolved"] and found.possible_winner.all()
+    assert found.ratios[0][:3] == exact(logs).ratios[0][:3], "the interval is that of the blocks"
 
 
-def test_the_floor_is_the_scenes_own_or_the_runs_median():
-    assert noise_floor([0.01], [0.01, 0.03, 0.05]) == 0.03
-    assert noise_floor([0.2, 0.01], [0.2, 0.01, 0.03]) == 0.2
-    assert math.isnan(noise_floor([], [0.1])) and math.isnan(noise_floor([math.nan], [math.nan, 0.1]))
-
-
-def test_the_distance_of_twins_is_known_where_their_times_are():
-    low = np.array([[0.0, 1.0, np.nan], [0.2, 1.2, 3.0], [-np.inf, 1.0, 1.0]])
-    high = np.array([[0.0, 1.0, np.nan], [0.2, 1.2, 3.0], [0.5, 1.0, 1.0]])
-    assert twin_distance(low, high, 0, 1) == pytest.approx(0.2), "over the blocks that both have"
-    assert math.isnan(twin_distance(low, high, 0, 2))
-
-
-def test_separated_twins_leave_everything_unresolved():
-    rng = np.random.default_rng(7)
-    logs = times(rng, 4, 7, 0.02)
-    logs[1] -= 1.0
-    logs[3] = logs[2] + [0.02, -0.01, 0.01, -0.02, 0.0, 0.01, -0.01]
-    calm = exact(logs, 0.02, twins=[(2, 3)])
-    logs[3] += 0.2
-    apart = exact(logs, 0.02, twins=[(2, 3)])
-    assert not calm.twins_separated and calm.ratios[0].verdict == "faster"
-    assert apart.twins_separated and {ratio.verdict for ratio in apart.ratios} == {"unresolved"}
-    assert apart.possible_winner.all()
-
-
-def test_equal_twins_are_separated_in_one_percent():
-    rng = np.random.default_rng(8)
-    apart = sum(exact(times(rng, 4, 5, 0.05), twins=[(2, 3)]).twins_separated for _ in range(1000))
-    assert apart / 1000 <= at_most(0.01, 1000), "[0.8 %]"
-
-
-def test_twins_are_not_ranked():
-    """The second label of the winner takes nothing from it, though the two are not separated."""
+def test_who_is_not_ranked_takes_nothing_from_the_winner():
+    """A second label of the winner, which no test separates from it."""
     logs = times(np.random.default_rng(9), 4, 7, 0.02)
     logs[2:] -= 1.0
-    ranked = np.array([True, True, True, False])
-    found = exact(logs, 0.02, ranked=ranked, twins=[(2, 3)])
+    found = exact(logs, ranked=np.array([True, True, True, False]))
     assert found.possible_winner.tolist() == [False, False, True, False]
+
+
+@pytest.mark.parametrize(("scenes", "persistent", "noise"), [(1, 0.05, 0.06), (3, 0.02, 0.03), (7, 0.0, 0.06), (7, 0.05, 0.03)])
+def test_few_verdicts_are_wrong_and_large_differences_are_found_whatever_persists(scenes, persistent, noise):
+    """[Of 4,000 runs with four twins each: at most 0.07 false differences a race, 0.044 of the races have some; 94.5 % of the
+    intervals cover; 1.5-fold is found in 0.997 where at most 2 % persists, in 0.91 at 5 %.]"""
+    found = simulated_runs(scenes, persistent, noise, 300)
+    assert found.any_false <= at_most(0.045, 300) and found.false_winner <= at_most(0.01, 300)
+    assert found.coverage >= at_least(0.94, 300)
+    assert found.found >= at_least(0.995 if persistent <= 0.02 else 0.91, 300)
+
+
+def test_without_its_twins_a_run_is_wrong_where_something_persists():
+    """What the twins are for: five blocks agree on differences that are none."""
+    rng = np.random.default_rng(11)
+    wrong = 0
+    for _ in range(100):
+        logs = times(rng, 6, 5, 0.02) + rng.normal(0, 0.05, (6, 1))
+        wrong += any(ratio.verdict in ("faster", "slower") for ratio in exact(logs).ratios)
+    assert wrong / 100 > 0.3
 
 
 # Censoring
@@ -225,7 +261,7 @@ def bounds(*rows):
 
 def test_tests_use_the_least_favourable_bounds():
     known, late = [(1.0, 1.0)] * 5, [(2.0, math.inf)] * 5
-    found = race(*bounds(known, late), [(1, 0), (0, 1)], 0.0)
+    found = race(*bounds(known, late), [(1, 0), (0, 1)], NO_SPREAD)
     slower, faster = found.ratios
     assert (slower.verdict, slower.ratio, slower.low) == ("slower", 0.0, 0.0) and 0.45 < slower.high < 0.55
     assert (faster.verdict, faster.ratio, faster.high) == ("faster", math.inf, math.inf) and 1.9 < faster.low < 2.1
@@ -235,15 +271,15 @@ def test_tests_use_the_least_favourable_bounds():
 def test_a_block_without_a_bound_prevents_a_verdict():
     """A cell that failed before its first checkpoint spent no time that is known."""
     known, failed = [(1.0, 1.0)] * 7, [(50.0, math.inf)] * 6 + [(0.0, math.inf)]
-    found = race(*bounds(known, failed), [(1, 0)], 0.0)
+    found = race(*bounds(known, failed), [(1, 0)], NO_SPREAD)
     assert found.ratios[0].verdict == "unresolved" and found.possible_winner.all()
-    early = race(*bounds([(0.0, 1.0)] * 7, [(2.0, 2.0)] * 7), [(1, 0)], 0.0)
+    early = race(*bounds([(0.0, 1.0)] * 7, [(2.0, 2.0)] * 7), [(1, 0)], NO_SPREAD)
     assert early.ratios[0].verdict == "slower", "at most 1 s is surely less than 2 s"
-    assert race(*bounds([(0.0, 2.0)] * 7, [(1.0, 1.0)] * 7), [(1, 0)], 0.0).ratios[0].verdict == "unresolved"
+    assert race(*bounds([(0.0, 2.0)] * 7, [(1.0, 1.0)] * 7), [(1, 0)], NO_SPREAD).ratios[0].verdict == "unresolved"
 
 
 def test_what_nobody_reached_nobody_wins():
-    found = race(*bounds([(1.0, math.inf)] * 5, [(9.0, math.inf)] * 5), [(1, 0)], 0.0)
+    found = race(*bounds([(1.0, math.inf)] * 5, [(9.0, math.inf)] * 5), [(1, 0)], NO_SPREAD)
     assert not found.possible_winner.any() and math.isnan(found.ratios[0].ratio)
     assert found.ratios[0].verdict == "unresolved"
 
@@ -251,7 +287,7 @@ def test_what_nobody_reached_nobody_wins():
 def test_a_failure_is_no_advantage():
     """What failed early in two of five blocks is no winner by the other three, nor is another by its failures."""
     fast = [(1.0, 1.0)] * 3 + [(0.1, math.inf)] * 2
-    found = race(*bounds(fast, [(2.0, 2.0)] * 5), [(1, 0)], 0.0)
+    found = race(*bounds(fast, [(2.0, 2.0)] * 5), [(1, 0)], NO_SPREAD)
     assert found.ratios[0].verdict == "unresolved" and found.possible_winner.all()
 
 
@@ -269,7 +305,7 @@ def test_between_kinds_a_verdict_holds_under_every_reading():
     other = logs.copy()
     other[1:] += 1.0  # read in the other way the first is the faster one
     mixed = np.array([[False, True, False], [True, False, False], [False, False, False]])
-    found = race(logs, logs, against_first(3), 0.0, readings=[(other, other)], mixed=mixed)
+    found = race(logs, logs, against_first(3), NO_SPREAD, readings=[(other, other)], mixed=mixed)
     assert [ratio.verdict for ratio in found.ratios] == ["unresolved", "faster"]
     assert found.ratios[0].low < 1 < found.ratios[0].high and found.ratios[0].ratio == pytest.approx(math.exp(0.5))
 

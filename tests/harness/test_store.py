@@ -136,7 +136,7 @@ RECORDS = [
         pairs=(ArchivedPair(first=SETTINGS, second=SETTINGS, found=EQUAL, replicates=(2, 2), spp=(8, 8), paired=True),),
     ),
     Calibration(
-        races=RaceFigures(0.0, 0.96, (0.1, 0.9)),
+        races=RaceFigures(0.0, 0.96, (0.1, 0.9), 0.02),
         bias=None,
         race_count=3,
         image_count=0,

@@ -36,7 +36,7 @@ from harness.report.tables.rays import rays as rays_table
 from harness.run import sweep
 from harness.run.ray_sets import MadeRaySets
 from harness.settings import TracerSettings
-from harness.statistics import race
+from harness.statistics import UNKNOWN_SPREAD, race
 from harness.store.merge import merge
 from harness.store.records import RayAttempt, RayCell, attempt_of
 from harness.store.results import load_results
@@ -166,19 +166,24 @@ def test_ratios_are_those_of_a_race_in_seconds_a_pass(measured):
     ]
     ((first, second),) = ray_races(results)
     assert first.baseline and first.settings.engine == "numpy" and first.ratio is None
-    expected = race(np.log(seconds), np.log(seconds), [(1, 0)], float("nan")).ratios[0]
+    expected = race(np.log(seconds), np.log(seconds), [(1, 0)], UNKNOWN_SPREAD).ratios[0]
     assert second.ratio[:3] == pytest.approx(expected[:3])
     assert geometric_mean(second.rates()) == pytest.approx(1e-6 * COUNT / geometric_mean(seconds[1]))
 
 
-def test_the_baseline_of_each_race_has_a_twin_and_blocks_trace_the_same_rays(tmp_path):
+def test_races_share_the_spread_of_four_twins_and_blocks_trace_the_same_rays(tmp_path):
     results, outcome, _ = run(tmp_path, [engines("Drops"), "repeats=3", "seed=5"])
-    assert outcome.states == {"done": 18}
-    for group in ray_races(results):
-        assert [(one.settings.engine, one.settings.label) for one in group] == [("numpy", ""), ("numpy", "A/A"), ("drops", "")]
-        assert [len(one.done) for one in group] == [3, 3, 3] and not any(one.unstable for one in group)
+    assert outcome.states == {"done": 24}
+    races = ray_races(results)
+    for group in races:
+        assert [(one.settings.engine, one.settings.label) for one in group] == [
+            (engine, label) for engine in ("numpy", "drops") for label in ("", "A/A")
+        ]
+        assert [len(one.done) for one in group] == [3, 3, 3, 3] and not any(one.unstable for one in group)
         assert len({each.ray_set_id for one in group for each in one.cells}) == 1
-    assert len({each.order for each in results.ray_cells}) == 18
+    assert len(races) == 2 and {one.spread.twins for group in races for one in group} == {4}
+    assert len({one.spread for group in races for one in group}) == 1
+    assert len({each.order for each in results.ray_cells}) == 24
 
 
 def test_answers_that_differ_between_blocks_are_said(measured):
@@ -267,10 +272,12 @@ def test_the_command_is_an_experiment_that_report_reads_again(tmp_path, with_plo
     done = raybench("trace", *words, "--json")
     assert done.returncode == 0, done.stderr
     rows = json.loads(done.stdout)
-    assert [(row["engine"], row["blocks"], row["checked"]) for row in rows] == [("numpy", 3, 300), ("numpy (twin)", 3, 300)]
-    assert [row["unstable"] for row in rows] == [False, False] and rows[0]["mrays_per_second_low"] > 0
+    names = ["numpy", "numpy (twin)", *(f"numpy (twin {number})" for number in (2, 3, 4))]
+    assert [(row["engine"], row["blocks"], row["checked"]) for row in rows] == [(name, 3, 300) for name in names]
+    assert not any(row["unstable"] for row in rows) and rows[0]["mrays_per_second_low"] > 0
     assert "9 passes" not in (again := raybench("trace", *words)).stderr and again.returncode == 0
     assert "cornell_box, 36 primitives: incoherent rays, 1 thread; 300 rays checked, 50 hard rays" in again.stdout
+    assert "(4 twins)" in again.stdout
     shutil.rmtree(tmp_path / "out" / "plots")
     (tmp_path / "out" / "report.html").unlink()
     done = raybench("report", tmp_path / "out")

@@ -31,7 +31,7 @@ from harness.report.chapter.families import (
 )
 from harness.report.chapter.texts import WORST, error_name, listed, plural
 from harness.report.tables import Column, Table
-from harness.report.tables.evidence import floors_text
+from harness.report.tables.evidence import spread_text
 from harness.statistics import Estimate
 from harness.store.records import AnyCell
 from harness.store.results import Contestant, Results
@@ -69,12 +69,12 @@ def _setting(analysis: Analysis) -> list[str]:
 
 
 def verdicts(analysis: Analysis) -> str:
-    """What the verdicts on pairs mean, and the noise floors that they consider: some sentences."""
+    """What the verdicts on pairs mean, and the persistent spread that they consider: some sentences."""
     return (
-        "Intervals are at 95 % for one pair. The verdict faster, beyond the noise floor, holds at 95 % for all pairs of a "
-        "comparison together. Where the 90 % interval of a ratio lies within "
+        "Intervals are at 95 % for one pair. The verdict faster holds at 95 % for all pairs of a comparison together. Where "
+        "the 90 % interval of a ratio lies within "
         f"{100 * analysis.results.config.same_within:g} % of equality the two are called the same; all else is unresolved. "
-        f"{floors_text(analysis)}"
+        f"{spread_text(analysis)}"
     )
 
 

@@ -6,7 +6,7 @@ the `usual` words, in their order; one configuration must be left. Several phras
 
 from __future__ import annotations
 
-import math
+import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TypeVar
 
@@ -95,10 +95,15 @@ class Facts:
         """Cells of its experiment that shared the machine with other work while they were timed."""
         return experiment.contended_cells(self._one(phrase)[0])
 
-    def noise_floor(self, phrase: str) -> float:
-        """Noise floor of times on its scene, in per cent."""
+    def persistent_spread(self, phrase: str) -> float:
+        """Of the machine it was measured on, in per cent: what persists between equal configurations."""
         analysis, one = self._one(phrase)
-        return 100 * math.expm1(analysis.floor(one.settings.scene))
+        return 100 * analysis.spread(one).share
+
+    def noise_floor(self, phrase: str) -> float:
+        """The old name of `persistent_spread`."""
+        warnings.warn("noise_floor is persistent_spread now", DeprecationWarning, stacklevel=2)
+        return self.persistent_spread(phrase)
 
     def place(self, phrase: str) -> str:
         """On what machine it was measured, and when: a sentence."""
@@ -145,7 +150,7 @@ class Ratios:
 
     @property
     def better(self) -> bool:
-        """Whether the one is better in every place, beyond the noise floor."""
+        """Whether the one is better in every place."""
         return all(ratio.verdict == "faster" for ratio in self.ratios.values())
 
     @property

@@ -14,21 +14,21 @@ import numpy as np
 from harness.analysis import Analysis, axes, seconds_per_sample
 from harness.analysis.comparisons import race_of
 from harness.report.tables import Column
-from harness.statistics import Bound, Estimate, Race, Ratio, geometric_interval
+from harness.statistics import NO_SPREAD, Bound, Estimate, Race, Ratio, geometric_interval
 from harness.store.results import Contestant, choices_of, name_words
 
 
 class Measure(NamedTuple):
-    """`values`: block -> a positive number of which less is better. `floor`: its noise floor as a log ratio; None stands
-    for that of seconds per sample. `kind`: contestants of different kinds are also compared by each of the `readings`."""
+    """`values`: block -> a positive number of which less is better. `timed`: whether they are times, in which equal contestants
+    differ; else a computer repeats them. `kind`: contestants of different kinds are also compared by each of the `readings`."""
 
     values: Callable[[Contestant], Mapping[int, float]]
-    floor: float | None
+    timed: bool
     kind: Callable[[Contestant], str] | None = None
     readings: Sequence[Callable[[Contestant], Mapping[int, Bound]]] = ()
 
 
-SPEEDS = Measure(seconds_per_sample, None)
+SPEEDS = Measure(seconds_per_sample, timed=True)
 
 
 HEADINGS = {
@@ -135,14 +135,14 @@ def speedups(analysis: Analysis, family: Family, over: str) -> dict[str, Estimat
 
 
 def _race(analysis: Analysis, family: Family, names: Sequence[str], pairs: Sequence[tuple[int, int]], measure: Measure) -> Race:
-    floor = analysis.floor(family.scene) if measure.floor is None else measure.floor
+    spread = analysis.spread(family.any) if measure.timed else NO_SPREAD
     margin, members = analysis.results.config.same_within, [family.members[name] for name in names]
     own = [measure.values(member) for member in members]
     kinds = np.array([measure.kind(member) for member in members]) if measure.kind else np.empty(0)
     if len(set(kinds)) < 2:
-        return race_of(own, pairs, floor, margin)
+        return race_of(own, pairs, spread, margin)
     readings = [[reading(member) for member in members] for reading in measure.readings]
-    return race_of(own, pairs, floor, margin, readings, kinds[:, None] != kinds)
+    return race_of(own, pairs, spread, margin, readings, kinds[:, None] != kinds)
 
 
 def ranking(family: Family, measure: Measure = SPEEDS) -> list[str]:

@@ -25,7 +25,7 @@ def common_spp(contestants: Sequence[Contestant]) -> int | None:
 
 
 def errors_at(analysis: Analysis, spp: int | None) -> Measure:
-    """Error at `spp` samples, where it is above three of its standard errors. It repeats, so that its noise floor is 0."""
+    """Error at `spp` samples, where it is above three of its standard errors. It repeats."""
 
     def values(contestant: Contestant) -> Mapping[int, float]:
         errors = {}
@@ -36,7 +36,7 @@ def errors_at(analysis: Analysis, spp: int | None) -> Measure:
                     errors[cell.block] = error
         return errors
 
-    return Measure(values, 0.0)
+    return Measure(values, timed=False)
 
 
 def error_curve(analysis: Analysis, contestant: Contestant) -> dict[int, Estimate]:
@@ -81,7 +81,7 @@ def times_to(analysis: Analysis, family: Family, index: int) -> Measure:
     def kind(contestant: Contestant) -> str:
         return own(contestant).reading.iloc[0]
 
-    return Measure(values, analysis.floor(family.scene, target), kind, [read(way) for way in READINGS])
+    return Measure(values, True, kind, [read(way) for way in READINGS])
 
 
 def build_milliseconds(analysis: Analysis, contestant: Contestant) -> Estimate:

@@ -20,9 +20,9 @@ TERMS = {
     "has a flag that disqualifies it. The cell says which.",
     "baseline": "The contestant that the times of another are compared with.",
     "image baseline": "The contestant that the image of another is compared with: the most similar one of the baseline engine.",
-    "noise floor": "How much two measurements of one configuration differ (A/A twins). Smaller differences are not called "
-    "faster or slower.",
-    "A/A twin": "A second name under which one configuration of a scene is measured again.",
+    "persistent spread": "By how much two equal contestants differ in all blocks alike, found from A/A twins: a standard "
+    "deviation, which every interval of a ratio contains.",
+    "A/A twin": "A second name under which a contestant is measured again.",
     "contended": "Of a timing: other work took the processor for more than 5 % of the time.",
     "calibration": "A test of the verdicts on synthetic contestants of known truth, which have the noise of this run.",
     "certified": "Of a reference: an engine with other code (another lineage) makes the same image within the margins.",

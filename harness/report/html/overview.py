@@ -11,15 +11,14 @@ from markupsafe import Markup, escape
 
 from harness.analysis import Analysis, Verdict, error_targets
 from harness.analysis.calibration import missed
-from harness.analysis.model import measure_of
 from harness.metrics import metric_title
 from harness.report.plots.curves import band
 from harness.report.plots.panels import Panel, panels
 from harness.report.plots.style import LINES, Palette
-from harness.report.tables.evidence import floors_of
+from harness.report.tables.evidence import spread_of, weakness_of
 from harness.report.tables.model import number_text
 from harness.report.winners import Standing, seconds_text, standing
-from harness.statistics.ratios import FEWEST_BLOCKS
+from harness.statistics.ratios import FEWEST_BLOCKS, PersistentSpread
 from harness.store.records import Calibration, Reference
 
 PLOT_WIDTH, PLOT_HEIGHT, LEFT, BOTTOM = 250, 132, 36, 18
@@ -47,9 +46,9 @@ class Entry(NamedTuple):
 
 
 class Badge(NamedTuple):
-    """What the times of a cell rest on: its noise floor, and `remarks` on what weakens it."""
+    """What the times of a cell rest on: the persistent spread of the machine, and `remarks` on what weakens it."""
 
-    floor: str
+    spread: str
     remarks: list[str]
 
 
@@ -113,7 +112,7 @@ def _cell(analysis: Analysis, panel: Panel, target: float, calibration: Calibrat
         len(found.rows),
         len(found.ranked),
         found.left_out,
-        Badge(floors_of(analysis, panel.scene, [target]), list(_remarks(analysis, found, target, calibration, reference))),
+        Badge(spread_of(_spread(analysis, panel)), list(_remarks(analysis, found, calibration, reference))),
     )
 
 
@@ -123,17 +122,13 @@ def _entry(found: Standing, verdict: Verdict, row: Any) -> Entry:
     return Entry(row.contestant, seconds_text(row), ratio, other, why_not, verdict.warnings)
 
 
-def _remarks(
-    analysis: Analysis, found: Standing, target: float, calibration: Calibration, reference: JudgedReference | None
-) -> Iterator[str]:
+def _remarks(analysis: Analysis, found: Standing, calibration: Calibration, reference: JudgedReference | None) -> Iterator[str]:
     """What weakens the verdict of a cell, a sentence each."""
     panel = found.panel
     if _fewest_blocks(panel) < FEWEST_BLOCKS:
         yield f"fewer than {FEWEST_BLOCKS} blocks: no verdict is given"
-    if math.isnan(analysis.floor(panel.scene, target)):
-        yield "the noise floor was not measured"
-    if found.rows[0].twins_separated:
-        yield "the A/A twins differ: verdicts are unresolved"
+    if weakness := weakness_of(_spread(analysis, panel)):
+        yield weakness
     contended, judged = _contention(panel)
     if contended or not judged:
         yield f"{contended} of {judged} timings contended" if judged else "contention was not measured"
@@ -151,15 +146,18 @@ def _quality(analysis: Analysis, panel: Panel, reference: JudgedReference | None
     """The row of the section on measurement quality."""
     counts = sorted({len({cell.block for cell in verdict.contestant.done}) for verdict in panel.verdicts})
     contended, judged = _contention(panel)
-    targets = analysis.results.targets
-    apart = any((panel.scene, measure_of(target)) in analysis.separated for target in targets)
     certified = reference.certificate if reference is not None else "no reference is recorded"
     return {
         "blocks": f"{counts[0]} to {counts[-1]}" if len(counts) > 1 else str(counts[0]),
         "contended": f"{contended} of {judged}" if judged else "not measured",
-        "floor": floors_of(analysis, panel.scene, targets) + ("; the A/A twins differ" if apart else ""),
+        "spread": spread_of(_spread(analysis, panel)),
         "reference": certified,
     }
+
+
+def _spread(analysis: Analysis, panel: Panel) -> PersistentSpread:
+    """That of the panel's machine."""
+    return analysis.spread(panel.verdicts[0].contestant)
 
 
 def _fewest_blocks(panel: Panel) -> int:

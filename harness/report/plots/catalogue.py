@@ -111,7 +111,7 @@ def _of_a_panel(analysis: Analysis, panel: Panel, palette: Palette) -> Iterator[
         file_stem("pareto", title),
         f"{title}: Pareto front of time against error",
         "Checkpoints by warm time and error. Strong markers, with intervals, are on the front: no other checkpoint is "
-        "surely better in both, by more than the noise floor.",
+        "surely better in both, in time by more than twice the persistent spread.",
         pareto(analysis, panel, palette),
     )
     yield (

@@ -80,8 +80,8 @@ def pareto(analysis: Analysis, panel: Panel, palette: Palette) -> Chart | None:
     points = [point for verdict in panel.verdicts for point in _pareto_points(analysis.results, verdict)]
     if not points:
         return None
-    floor = analysis.floor(panel.scene)
-    beaten_by = math.exp(-floor)  # a lead within the noise floor is none
+    spread = math.sqrt(analysis.spread(panel.verdicts[0].contestant).variance)
+    beaten_by = math.exp(-2 * spread)  # by a smaller lead equal contestants may differ
     bounds = np.array([[beaten_by * point.time.low, point.time.high, *point.error[1:3]] for point in points])
     fit = np.array([not point.verdict.disqualified for point in points])
     bounds[~fit] = math.nan
@@ -104,7 +104,7 @@ def pareto(analysis: Analysis, panel: Panel, palette: Palette) -> Chart | None:
             }
             strong.append(_checkpoints(leading, look._replace(size=5), verdict, joined=False, **ends))
     guides, low = _guides(analysis.results, panel, min(point.error.value for point in points))
-    words = "dominated by another" if math.isfinite(floor) else "no front: the noise floor was not measured"
+    words = "dominated by another" if math.isfinite(spread) else "no front: the persistent spread was not measured"
     legend = _legend(palette, panel.verdicts, Entry(words, Look(FAINT, "none", "o", size=3)))
     axes = Axis(X_LABELS["seconds"]), Axis(error_label(analysis.results.metric), low=low)
     return Chart([Subplot(*axes, [*lines, *faint, *strong], guides=guides)], 7.2, 4.6, **legend)

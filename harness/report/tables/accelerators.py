@@ -6,16 +6,16 @@ from harness.analysis import Analysis
 from harness.analysis.accelerator_tradeoff import break_evens
 from harness.analysis.columns import Column, Table
 from harness.analysis.measurements import CONTESTANT, SCENE
-from harness.report.tables.evidence import floors_text
+from harness.report.tables.evidence import spread_text
 
 
 def accelerators(analysis: Analysis) -> Table:
-    """One row a contestant that has a twin with another accelerator; empty where there is none."""
+    """One row a contestant of which there is one with another accelerator; empty where there is none."""
     return Table(
         "accelerators",
         "Accelerators: build against traverse",
         "Contestants that differ in their accelerator alone, each beside the one that is built fastest. Geometric means "
-        f"over seeds with 95 % intervals; ratios paired by block. {floors_text(analysis)}",
+        f"over seeds with 95 % intervals; ratios paired by block. {spread_text(analysis)}",
         [
             SCENE,
             CONTESTANT,

@@ -1,18 +1,19 @@
-"""What verdicts rest on, in a sentence: blocks, and the noise floor of every scene."""
+"""What verdicts rest on, in a sentence: blocks, contention, and the persistent spread of every machine."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 
 from harness.analysis import Analysis
-from harness.report.tables.model import number_text
-from harness.statistics.ratios import FEWEST_BLOCKS
+from harness.analysis.calibration import plural
+from harness.config.experiment import FEWEST_TWINS
+from harness.statistics.ratios import FEWEST_BLOCKS, PersistentSpread
 
 
 def evidence(analysis: Analysis) -> str:
-    """`5 blocks. 2 of 40 timings are contended. Noise floor (A/A twins): cornell_box 1.2 %; ...`; empty without results."""
-    return " ".join(filter(None, (blocks_text(analysis), contention_text(analysis), floors_text(analysis))))
+    """`5 blocks. 2 of 40 timings are contended. Persistent spread: 3 % (4 twins).`; empty without results."""
+    return " ".join(filter(None, (blocks_text(analysis), contention_text(analysis), spread_text(analysis))))
 
 
 def blocks_text(analysis: Analysis) -> str:
@@ -40,34 +41,36 @@ def contended_text(contended: Sequence[bool | None]) -> str:
     return f"{sum(judged)} of {len(judged)} timings {'is' if sum(judged) == 1 else 'are'} contended."
 
 
-def floors_text(analysis: Analysis) -> str:
-    """The floors over all targets, and what follows where there is none or where twins differ."""
-    scenes = list(dict.fromkeys(verdict.contestant.settings.scene for verdict in analysis.verdicts))
-    if not scenes:
-        return ""
-    texts = {scene: floors_of(analysis, scene, [None, *analysis.results.targets]) for scene in scenes}
-    known = [f"{scene} {text}" for scene, text in texts.items() if text != NOT_MEASURED]
-    without = [scene for scene, text in texts.items() if text == NOT_MEASURED]
-    parts = [f"Noise floor (A/A twins): {', '.join(known)}." if known else ""]
-    if without:
-        where = f" on {', '.join(without)}" if known else ""
-        parts.append(f"The noise floor was not measured{where}: nothing is called faster or slower there.")
-    apart = sorted({scene for scene, _ in analysis.separated})
-    if apart:
-        parts.append(f"The A/A twins differ on {', '.join(apart)}: verdicts there are unresolved.")
-    return " ".join(filter(None, parts))
+def spread_text(analysis: Analysis) -> str:
+    """`spreads_text` of the machines on which something was rendered."""
+    found = (verdict.contestant for verdict in analysis.verdicts)
+    return spreads_text({one.settings.machine: analysis.spread(one) for one in found})
+
+
+def spreads_text(machines: Mapping[str, PersistentSpread]) -> str:
+    """The persistent spread of each machine, and what follows where it is not known, or hardly."""
+    return " ".join(
+        f"Persistent spread{f' on {machine}' if len(machines) > 1 else ''}: {spread_of(spread)}"
+        f"{f'; {weakness}' if (weakness := weakness_of(spread)) else ''}."
+        for machine, spread in machines.items()
+    )
 
 
 NOT_MEASURED = "not measured"
 
 
-def floor_text(floor: float) -> str:
+def spread_of(spread: PersistentSpread) -> str:
+    """`3 % (4 twins)`, or `not measured`."""
+    return f"{share_text(spread.share)} ({plural(spread.twins, 'twin')})" if spread.twins else NOT_MEASURED
+
+
+def weakness_of(spread: PersistentSpread) -> str:
+    """What a spread of few twins means for verdicts; empty for one that is known well enough."""
+    if not spread.twins:
+        return "without A/A twins nothing is called faster, slower or the same"
+    return f"fewer than {FEWEST_TWINS} twins tell little of it" if spread.twins < FEWEST_TWINS else ""
+
+
+def share_text(share: float) -> str:
     """`1.2 %`, a share; `not measured` for NaN."""
-    return NOT_MEASURED if math.isnan(floor) else f"{number_text(100 * floor)} %"
-
-
-def floors_of(analysis: Analysis, scene: str, targets: Iterable[float | None]) -> str:
-    """`1.2 %`, `1.2 % to 2.3 %` over several targets (None: seconds per sample), or `not measured`."""
-    floors = [math.expm1(analysis.floor(scene, target)) for target in targets]
-    known = sorted(floor for floor in floors if not math.isnan(floor))
-    return " to ".join(dict.fromkeys(map(floor_text, (known[0], known[-1])))) if known else NOT_MEASURED
+    return NOT_MEASURED if math.isnan(share) else f"{100 * share:.2g} %"

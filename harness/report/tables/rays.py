@@ -8,6 +8,7 @@ import numpy as np
 
 from harness.analysis.columns import Column, Table
 from harness.analysis.rays import RayContestant, ray_races
+from harness.report.tables.evidence import spreads_text
 from harness.statistics import Estimate, geometric_interval
 from harness.store.results import Results, phase_seconds
 
@@ -55,8 +56,10 @@ def rays(results: Results) -> Table:
         "interval is the bound below which the rate lies with 95 % confidence."
     )
     several = len({cell.env_id for cell in results.ray_cells}) > 1
-    rows = [_row(one, several) for group in ray_races(results) for one in group]
-    return Table("rays", "Rays per second and wrong answers", note, COLUMNS, rows)
+    found = [one for group in ray_races(results) for one in group]
+    compared = {one.settings.machine: one.spread for one in found if one.ratio is not None}
+    rows = [_row(one, several) for one in found]
+    return Table("rays", "Rays per second and wrong answers", f"{note} {spreads_text(compared)}".rstrip(), COLUMNS, rows)
 
 
 def _row(one: RayContestant, several_machines: bool) -> dict[str, Any]:
@@ -65,7 +68,7 @@ def _row(one: RayContestant, several_machines: bool) -> dict[str, Any]:
         "scene": settings.scene,
         "primitives": cell.primitives,
         "rays": settings.rays,
-        "engine": f"{settings.engine} (twin)" if settings.label else settings.engine,
+        "engine": f"{settings.engine} ({settings.label.replace('A/A', 'twin')})" if settings.label else settings.engine,
         "version": cell.engine_version,
         "accelerator": one.accelerator,
         "precision": settings.precision,

@@ -13,7 +13,7 @@ from harness.metrics import error_words, metric_title
 from harness.report.tables.accelerators import accelerators
 from harness.report.tables.by_axis import by_axis, say_why, why_blank
 from harness.report.tables.equivalence import accuracy, bias_and_equivalence, bias_text, equivalence, equivalence_text, who
-from harness.report.tables.evidence import evidence, floor_text
+from harness.report.tables.evidence import evidence, share_text
 from harness.report.tables.model import reached_text
 from harness.report.tables.rays import rays
 from harness.report.tables.scaling import scaling
@@ -116,8 +116,8 @@ def speedups(analysis: Analysis) -> Table:
         "Every contestant against the baseline of its race: the one that the config's `baseline` names, else the one that has "
         f"the first value, as written, of every axis. {_without_ratio(analysis)}A dash: neither of the two reached the target "
         "in all blocks that both have. Geometric mean of paired block ratios with Student's 95 % interval, its variance "
-        "moderated by that of the scene; the family-wise error rate of a scene and target is 5 % (Holm). "
-        f"{evidence(analysis)}",
+        "moderated by that of the scene and increased by the persistent spread; the family-wise error rate of a scene and "
+        f"target is 5 % (Holm). {evidence(analysis)}",
         [
             SCENE,
             CONTESTANT,
@@ -126,7 +126,7 @@ def speedups(analysis: Analysis) -> Table:
             Column("measure", "What is compared: seconds per sample, or warm seconds to a target."),
             Column("speedup", "Baseline over contestant; above 1 the contestant is faster.", "ratio", "speed-up"),
             Column("pairs", "Blocks that both have.", "count"),
-            Column("noise_floor", "Difference from 1 that the near end of the interval must exceed, from the A/A twin."),
+            Column("persistent_spread", "Difference that persists between equal contestants, from A/A twins; in the interval."),
             Column("verdict", "faster, slower, same or unresolved."),
         ],
     )
@@ -134,7 +134,7 @@ def speedups(analysis: Analysis) -> Table:
     found = found[found.no_ratio == ""]
     reasons = [why_blank(row) for row in found.itertuples()]
     found = found.rename(columns=SPEEDUP | {"blocks": "pairs"})
-    found["noise_floor"] = found.noise_floor.map(floor_text)
+    found["persistent_spread"] = found.persistent_spread.map(share_text)
     table.rows = rows_of(found, table.columns)
     say_why(table, reasons, "speedup", "verdict")
     return table
