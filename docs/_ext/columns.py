@@ -42,6 +42,7 @@ def text() -> str:
     parts = ["## DataFrames"]
     parts += [_section("points", measurements.points(empty)), _section("times_to_quality", frames.times_to_quality(analysis))]
     parts += [_section("cells", measurements.cells(empty)), _section("verdicts", frames.verdicts(analysis))]
+    parts += [_section("by_axis", frames.by_axis(analysis))]
     parts += ["### Metrics", "Columns of `points`; `_eNUMBER` in a name is the metric's epsilon."]
     parts += [table(("Column", "Meaning"), [(code(key), plain(value)) for key, value in METRIC_MEANINGS.items()])]
     parts += ["## For people", "Each as `.csv`, `.md` and `.tex` in `tables/`."]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -10,15 +10,13 @@ import pandas as pd
 
 from engines.choices import Choice
 from harness.analysis.baselines import SEVERAL, Baselines, Further
-from harness.analysis.comparisons import PAIRS, why_no_ratio
+from harness.analysis.comparisons import PAIRS, Spreads, comparisons, why_no_ratio
 from harness.analysis.model import PER_SAMPLE, Frame, Verdict, group_of, raced_together
 from harness.store.results import AXES, CHOICES, Contestant, Results, brief_choice, choices_of, name_words, scope
 
 LABELS = ["axis", "value", "over", "settings"]
 OTHER_REFERENCE = "their references differ: each has an image of its own"
 """Why times to a target are not compared."""
-Compare = Callable[[Frame, Frame], Frame]
-"""`comparisons.comparisons` of `crossings` and `pairs`, its other arguments given."""
 
 
 Choices = Mapping[tuple[str, str], Sequence[Choice]]
@@ -34,7 +32,7 @@ class Labels(NamedTuple):
     settings: str
 
 
-def by_axis(results: Results, verdicts: Sequence[Verdict], crossings: Frame, compare: Compare) -> Frame:
+def by_axis(results: Results, verdicts: Sequence[Verdict], crossings: Frame, spreads: Spreads) -> Frame:
     """One row a contestant, axis (or pair of the config) and measure.
 
     Columns: those of `comparisons`, and `axis`, `value`, `over` and `settings`, see `Labels`. All ratios along an axis in one
@@ -67,7 +65,7 @@ def by_axis(results: Results, verdicts: Sequence[Verdict], crossings: Frame, com
             baseline = found[index].baseline
             said[key] = labels[index]
             rows.append((*key, baseline.name, labels[index].axis, why_no_ratio(judged[contestant], judged[baseline]), ranked))
-    made = compare(crossings, pd.DataFrame(rows, columns=PAIRS))
+    made = comparisons(crossings, pd.DataFrame(rows, columns=PAIRS), spreads, results.config.same_within)
     made = made[made.baseline != ""]
     keys = zip(made.race, made.scene, made.contestant, strict=True)
     words = pd.DataFrame([said[key] for key in keys], columns=LABELS, index=made.index)

@@ -52,9 +52,11 @@ def pairs(results: Results, verdicts: Sequence[Verdict]) -> Frame:
 def why_no_ratio(verdict: Verdict, baseline: Verdict | None, group: Sequence[Verdict] = ()) -> str:
     """Why a contestant of a race has no ratio to its baseline, or none at all; empty where it has one."""
     if verdict.disqualified:
-        return "flagged, so not ranked"
+        return f"flagged, so not ranked: {verdict.disqualifying}"
+    if baseline is not None and baseline.disqualified:
+        return f"{baseline.contestant.name} is flagged, so not ranked: {baseline.disqualifying}"
     if baseline is not None:
-        return f"{baseline.contestant.name} is flagged, so not ranked" if baseline.disqualified else ""
+        return ""
     if verdict.contestant.settings.label:
         return "repeats a contestant without results"
     others = [each for each in group if each is not verdict and not each.contestant.settings.label]

@@ -83,8 +83,13 @@ class Verdict:
     @property
     def disqualified(self) -> bool:
         """Whether a flag keeps it out of all rankings of its division."""
+        return bool(self.disqualifying)
+
+    @property
+    def disqualifying(self) -> str:
+        """The flags that do, in words."""
         allowed = OF_THE_TIME | OF_THE_ESTIMATOR if self.contestant.settings.division == "open" else OF_THE_TIME
-        return bool(set(self.flags) - allowed)
+        return ", ".join(FLAGS[flag] for flag in self.flags if flag not in allowed)
 
     @property
     def warnings(self) -> list[str]:

@@ -11,7 +11,7 @@ from harness.analysis.baselines import engine_order, nearest_of_engine
 from harness.analysis.conduct import conduct_flags
 from harness.analysis.equivalence import Replicates, compared, engine_pairs, pictured_spp, shared_spp
 from harness.analysis.image_flags import image_flags
-from harness.analysis.model import Analysis, Frame, Group, Verdict, group_of
+from harness.analysis.model import Analysis, Group, Verdict, group_of
 from harness.analysis.slopes import slopes
 from harness.metrics import as_error
 from harness.statistics import (
@@ -50,10 +50,6 @@ def analyse(results: Results) -> Analysis:
     crossed = crossings.crossings(points.frame, cells.frame, targets)
     pairs = comparisons.pairs(results, verdicts)
     spreads = comparisons.persistent_spreads(crossed, verdicts)
-
-    def compare(crossings: Frame, pairs: Frame) -> Frame:
-        return comparisons.comparisons(crossings, pairs, spreads, results.config.same_within)
-
     return Analysis(
         results,
         verdicts,
@@ -61,8 +57,8 @@ def analyse(results: Results) -> Analysis:
         cells,
         crossed,
         crossings.times_to_quality(crossed),
-        compare(crossed, pairs),
-        by_axis.by_axis(results, verdicts, crossed, compare),
+        comparisons.comparisons(crossed, pairs, spreads, results.config.same_within),
+        by_axis.by_axis(results, verdicts, crossed, spreads),
         spreads,
         engine_pairs(results, images, known.pairs),
     )

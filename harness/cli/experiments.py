@@ -101,10 +101,11 @@ def _warn(plan: Plan, console: Console) -> None:
 
 
 def print_summary(console: Console, outcome: Outcome, folder: Path) -> None:
-    """Prints what failed, the winners for each target, counts, and where the report is."""
+    """Prints what failed, the winners for each target, what each setting does, counts, and where the report is."""
     print_failures(console, outcome, folder)
-    if (file := folder / store.WINNERS).is_file() and (winners := file.read_text("utf-8")):
-        console.print(winners, end="", markup=False, soft_wrap=not console.is_terminal)
+    for name in (store.WINNERS, store.SENTENCES):
+        if (file := folder / name).is_file() and (text := file.read_text("utf-8")):
+            console.print(text, end="", markup=False, soft_wrap=not console.is_terminal)
     counted = ", ".join(f"{count} {state}" for state, count in sorted(outcome.states.items()))
     console.print(f"{counted}. Report: {folder / 'report.html'}", soft_wrap=True)
 

@@ -13,13 +13,14 @@ from harness.report.rays_text import rays_text
 from harness.report.sentences import sentences_text
 from harness.report.tables import write_tables
 from harness.report.winners import winners_text
-from harness.store import WINNERS
+from harness.store import SENTENCES, WINNERS
 from harness.store.atomic import write_text
 from harness.store.results import load_results
 
 
 def write_derived(folder: str | Path, plugins: Sequence[Plugin] = (), analysis: Analysis | None = None) -> Path:
-    """(Re)writes points.csv, ttq.csv, phases.csv, winners.txt, tables/, plots/ and report.html; returns the report's path.
+    """(Re)writes points.csv, ttq.csv, phases.csv, winners.txt, sentences.txt, tables/, plots/ and report.html; returns the
+    report's path.
 
     Needs manifest, events and images alone, whatever is missing among them. Raises ConfigError without events. What one of the
     `plugins` raises is a line in the report and on stderr. `analysis` is that of the folder where it is known.
@@ -30,7 +31,8 @@ def write_derived(folder: str | Path, plugins: Sequence[Plugin] = (), analysis: 
     results = analysis.results
     tables = write_tables(analysis, results.folder)
     plots = write_plots(analysis, results.folder)
-    write_text(results.folder / WINNERS, winners_text(analysis) + sentences_text(analysis) + rays_text(results))
+    write_text(results.folder / WINNERS, winners_text(analysis) + rays_text(results))
+    write_text(results.folder / SENTENCES, sentences_text(analysis))
     made = make(plugins, analysis, results.folder)
     for problem in made.problems:
         consoles()[1].print(problem, soft_wrap=True, markup=False)

@@ -22,6 +22,7 @@ from harness.store.folder import (
     DERIVED,
     IMAGES,
     LOCK,
+    SENTENCES,
     WINNERS,
     clear,
     config_of,

@@ -17,8 +17,8 @@ from harness.store.json_files import read_json, write_json
 from harness.store.records import Manifest
 
 LOCK, IMAGES = ".lock", "images"
-WINNERS = "winners.txt"
-DERIVED = ("points.csv", "ttq.csv", "phases.csv", WINNERS, "tables", "plots", "report.html", "worker.log")
+WINNERS, SENTENCES = "winners.txt", "sentences.txt"
+DERIVED = ("points.csv", "ttq.csv", "phases.csv", WINNERS, SENTENCES, "tables", "plots", "report.html", "worker.log")
 
 
 def read_manifest(folder: str | Path) -> Manifest:

@@ -11,7 +11,9 @@ from itertools import pairwise
 import pytest
 
 from engines.choices import Choice
+from engines.schema.yaml_file import locate
 from harness.analysis import analyse, baseline_engine_of
+from harness.config.filters import CONTESTANTS
 from harness.report.tables import all_tables, columns, write_tables
 from harness.report.tables.model import (
     Column,
@@ -118,7 +120,7 @@ def test_a_quality_that_rises_is_reached_from_below(folder, analysis):
 
 def test_the_config_may_name_the_baseline(folder):
     results = load_results(folder)
-    results = replace(results, config=replace(results.config, baseline="embree"))
+    results = replace(results, config=replace(results.config, baseline=CONTESTANTS.read(locate("embree"))))
     assert baseline_engine_of(results) == "embree"
 
 

@@ -18,8 +18,10 @@ TERMS = {
     "faster. Every contestant has one to its baseline.",
     "no ratio": "The contestant is alone in its race, or its baseline, and no other reached the target; or it or its baseline "
     "has a flag that disqualifies it. The cell says which.",
-    "baseline": "The contestant that the times of another are compared with.",
-    "image baseline": "The contestant that the image of another is compared with: the most similar one of the baseline engine.",
+    "baseline": "The contestant that the times of others are compared with: the one that has the first value of every axis, as "
+    "the config writes them, or the one that it names.",
+    "image baseline": "The contestant that the image of another is compared with: the most similar one of one engine, "
+    "that of the config's baseline, else numpy, numba or embree.",
     "persistent spread": "By how much two equal contestants differ in all blocks alike, found from A/A twins: a standard "
     "deviation, which every interval of a ratio contains.",
     "A/A twin": "A second name under which a contestant is measured again.",

@@ -114,8 +114,8 @@ def speedups(analysis: Analysis) -> Table:
         "speedups",
         "Speed-up",
         "Every contestant against the baseline of its race: the one that the config's `baseline` names, else the one that has "
-        f"the first value, as written, of every axis. {_without_ratio(analysis)}A dash: one of the two did not reach the "
-        "target in a block that both have. Geometric mean of paired block ratios with Student's 95 % interval, its variance "
+        f"the first value, as written, of every axis. {_without_ratio(analysis)}A dash: neither of the two reached the target "
+        "in all blocks that both have. Geometric mean of paired block ratios with Student's 95 % interval, its variance "
         "moderated by that of the scene and increased by the persistent spread; the family-wise error rate of a scene and "
         f"target is 5 % (Holm). {evidence(analysis)}",
         [
