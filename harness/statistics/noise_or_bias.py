@@ -165,7 +165,8 @@ def spectrum(images: Sequence[Array], reference: Reference) -> Spectrum:
     pairs = k * (k - 1)
     common = rings(((sums[0].conj() * sums[1]).real - own) / pairs)
     mean = np.mean(power, axis=0)
-    spread = np.maximum(mean - np.maximum(common, 0.0), 0.0)
+    spread = mean - np.maximum(common, 0.0)
+    spread = np.maximum(spread, max(float(np.nanmedian(spread)), 0.0))  # rings of few frequencies may be quiet by luck
     error = np.sqrt(2 * (spread**2 / pairs + 2 * noise * spread / k + 2 * noise**2) / np.maximum(modes / _gathering(images), 1))
     known = modes > 0
     rows = np.sqrt(edges[:-1] * edges[1:]), mean, np.min(power, axis=0), np.max(power, axis=0), common, error

@@ -92,6 +92,13 @@ def test_a_bias_shows_at_its_frequency_with_its_power():
     assert found.biased.sum() <= 2
 
 
+def test_a_bias_of_the_whole_shows_at_low_frequencies():
+    rng = np.random.default_rng(6)
+    bright = TRUTH + 0.05 * np.linspace(0, 1, SIZE[0])[:, None, None] ** 2
+    found = spectrum(noisy(rng, 5, bright), reference(rng))
+    assert found.biased[0] and not found.biased[-3:].any()
+
+
 def test_the_deviation_is_that_of_each_pixel_over_seeds():
     images = [np.full((2, 2, 3), value) for value in (1.0, 2.0, 3.0)]
     np.testing.assert_allclose(deviation(images), 1.0)
