@@ -19,11 +19,13 @@ from engines.tonemap import srgb
 
 Image = NDArray[np.float64]
 
-METRICS = ("relmse", "mse", "mae", "mape", "smape", "psnr", "ssim", "flip")
+METRICS = ("relmse", "trimmed_relmse", "mse", "mae", "mape", "smape", "psnr", "ssim", "flip")
 """Those that targets may be set on."""
 PERCENTAGE_EPSILON = 0.01
 """The offset of MAPE and SMAPE in radiance units, as in tev."""
 TRIMMED_FRACTION = 0.001
+_TRIMMED = "_trimmed"
+"""Ends the name of the relMSE without the largest `TRIMMED_FRACTION` of the pixels' errors."""
 LATTICE = 8
 """Standard errors come from LATTICE^2 interleaved groups of pixels."""
 
@@ -31,7 +33,7 @@ METRIC_MEANINGS = {
     "relmse": "mean((A-R)^2 / (R^2 + eps)) over pixels and channels (Rousselle et al. 2011); eps is in the name",
     "relmse_corrected": "mean((A-R1)(A-R2) / (R^2 + eps)): the reference's own noise cancels; may be negative",
     "relmse_se": "standard error of the corrected relMSE by the noise of the reference",
-    "relmse_trimmed": "relMSE without the 0.1 % of pixels where it is largest",
+    "relmse_trimmed": "relMSE without the 0.1 % of pixels where it is largest; the metric `trimmed_relmse`",
     "mse": "mean((A-R)^2), radiance squared",
     "mse_corrected": "mean((A-R1)(A-R2)), radiance squared; may be negative",
     "mse_se": "standard error of the corrected MSE by the noise of the reference",
@@ -44,6 +46,7 @@ METRIC_MEANINGS = {
     **{
         f"{name}_se": f"how far the reference's noise moves {what}, from the scores against its halves; of the targets' metric"
         for name, what in (
+            ("relmse_trimmed", "the trimmed relMSE"),
             ("mae", "MAE"),
             ("mape", "MAPE"),
             ("smape", "SMAPE"),
@@ -85,7 +88,7 @@ def measure(image: Image, reference: Reference, epsilon: float, metric: str = ""
     nonfinite = int((~np.isfinite(image).all(axis=2)).sum())
     with np.errstate(invalid="ignore", over="ignore"):
         scores = {**_errors(image, reference, epsilon), **_display_scores(image, reference.mean, nonfinite == 0)}
-        if metric in _UNCORRECTED:
+        if _uncorrected(metric) is not None:
             scores[f"{metric}_se"] = math.inf if nonfinite else noise_by_halves(metric, image, reference)
         means = {f"mean_{name}": float(image[:, :, channel].mean()) for channel, name in enumerate("rgb")}
     if nonfinite:
@@ -94,14 +97,20 @@ def measure(image: Image, reference: Reference, epsilon: float, metric: str = ""
 
 
 def metric_name(metric: str, epsilon: float) -> str:
-    """The column of a config's metric: `relmse` with epsilon 0.01 is `relmse_e0.01`; others carry no parameter."""
-    return f"relmse_e{epsilon:g}" if metric == "relmse" else metric
+    """The column of a config's metric: with epsilon 0.01 `relmse` is `relmse_e0.01`, `trimmed_relmse` `relmse_e0.01_trimmed`;
+    others carry no parameter."""
+    return {"relmse": f"relmse_e{epsilon:g}", "trimmed_relmse": f"relmse_e{epsilon:g}{_TRIMMED}"}.get(metric, metric)
+
+
+def epsilon_of(name: str) -> float | None:
+    """The epsilon in a metric's name; None where it has none. Raises ValueError for one that is no number."""
+    return float(name.removeprefix("relmse_e").removesuffix(_TRIMMED)) if name.startswith("relmse_e") else None
 
 
 def metric_title(name: str) -> str:
     """A metric's name for people: `relmse_e0.01` is `relMSE (ε = 0.01)`."""
-    if name.startswith("relmse_e"):
-        return f"relMSE (ε = {name.removeprefix('relmse_e')})"
+    if (epsilon := epsilon_of(name)) is not None:
+        return f"{'trimmed ' * name.endswith(_TRIMMED)}relMSE (ε = {epsilon:g})"
     return name.upper()
 
 
@@ -118,7 +127,7 @@ def as_error(metric: str, value: float) -> float:
 
 def error_words(metric: str) -> str:
     """What errors are where qualities rise, and whether the reference's noise has been taken out of them."""
-    if metric == "mse" or metric.startswith("relmse_e"):
+    if metric == "mse" or (metric.startswith("relmse_e") and not metric.endswith(_TRIMMED)):
         return "noise-corrected"
     error = {"psnr": "MSE of display values (from PSNR), ", "ssim": "1 - SSIM, "}.get(metric, "")
     return f"{error}not corrected for the reference's noise"
@@ -151,9 +160,10 @@ def noise_by_halves(metric: str, image: Image, reference: Reference) -> float:
     small beside the error, is thus the mean score of the halves less that of the reference; and half the difference
     of the halves' scores has the spread of their mean. The root of the sum of both squares.
     """
-    whole, *halves = (
-        as_error(metric, _UNCORRECTED[metric](image, other)) for other in (reference.mean, reference.half_1, reference.half_2)
-    )
+    score = _uncorrected(metric)
+    if score is None:
+        raise ValueError(f"{metric}: a metric that is not corrected for the reference's noise is expected")
+    whole, *halves = (as_error(metric, score(image, other)) for other in (reference.mean, reference.half_1, reference.half_2))
     return math.hypot(sum(halves) / 2 - whole, (halves[0] - halves[1]) / 2)
 
 
@@ -265,3 +275,11 @@ _UNCORRECTED: dict[str, Callable[[Image, Image], float]] = {
     **{key: lambda image, mean, score=score: score(srgb(image), srgb(mean)) for key, score in _DISPLAY.items()},
 }
 """Scores of two images of linear radiance that hold the reference's noise."""
+
+
+def _uncorrected(metric: str) -> Callable[[Image, Image], float] | None:
+    """The score of a metric that holds the reference's noise; None of one that is corrected for it."""
+    epsilon = epsilon_of(metric)
+    if epsilon is None or not metric.endswith(_TRIMMED):
+        return _UNCORRECTED.get(metric)
+    return lambda image, mean: _trimmed_mean((image - mean) ** 2 / (mean**2 + epsilon))

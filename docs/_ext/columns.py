@@ -9,6 +9,7 @@ from harness.analysis.columns import ESTIMATES
 from harness.metrics import METRIC_MEANINGS
 from harness.report.tables import all_tables, changes, history
 from harness.report.tables.accelerators import accelerators
+from harness.report.tables.deviations import deviations
 from harness.report.tables.equivalence import accuracy
 from harness.report.tables.rays import rays
 from harness.report.tables.scaling import scaling
@@ -32,6 +33,7 @@ def text() -> str:
     analysis = analyse(empty)
     people = [
         *all_tables(analysis),
+        deviations(analysis),
         accelerators(analysis),
         scaling(analysis),
         accuracy(analysis),

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer, PlainValidator
 
 from engines.choices import Choice
-from harness.metrics import METRICS
+from harness.metrics import METRICS, epsilon_of
 from harness.store import confined
 
 
@@ -20,10 +20,10 @@ def _path(text: str) -> str:
 
 
 def _metric(text: str) -> str:
-    if text.startswith("relmse_e"):
-        if not 0.0 < float(text.removeprefix("relmse_e")) <= 1e6:
+    if (epsilon := epsilon_of(text)) is not None:
+        if not 0.0 < epsilon <= 1e6:
             raise ValueError("an epsilon in (0, 1e6] is expected")
-    elif text == "relmse" or text not in METRICS:
+    elif text in ("relmse", "trimmed_relmse") or text not in METRICS:
         raise ValueError("the name of a metric is expected, such as relmse_e0.01")
     return text
 

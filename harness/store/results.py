@@ -18,7 +18,7 @@ import numpy as np
 from engines.choices import Choice
 from harness.check_results import CheckResult
 from harness.config import Experiment
-from harness.metrics import Reference, as_error, higher_is_better, metric_name
+from harness.metrics import Reference, as_error, epsilon_of, higher_is_better, metric_name
 from harness.statistics.convergence import Curve, curve
 from harness.store import records, reference_files
 from harness.store.events import check_results, events_file, last_event, latest_cells, of_kind, read_events
@@ -115,9 +115,7 @@ class Results:
     @property
     def epsilon(self) -> float:
         """The epsilon of relMSE (radiance squared): that of the metric's name, else of the config."""
-        return (
-            float(self.metric.removeprefix("relmse_e")) if self.metric.startswith("relmse_e") else self.config.quality.epsilon
-        )
+        return epsilon_of(self.metric) or self.config.quality.epsilon
 
     @property
     def relative_metric(self) -> str:

@@ -15,6 +15,7 @@ from engines.errors import ConfigError
 from harness.analysis import analyse
 from harness.report import write_derived
 from harness.report.html.assembly import report_html
+from harness.report.html.noise import noise_panels
 from harness.report.html.pictures import busiest, packed, shrunk
 from harness.report.plots.panels import panels
 from harness.report.tables import all_tables
@@ -70,6 +71,22 @@ class Outline(html.parser.HTMLParser):
 
 def payload_of(page):
     return json.loads(re.search(r'<script type="application/json" id="pictures">(.*?)</script>', page, re.S).group(1))
+
+
+def test_noise_is_told_from_bias_for_contestants_with_images_of_three_seeds(page, folder):
+    section = page.partition('<section id="noise">')[2].partition("</section>")[0]
+    analysis = analyse(load_results(folder))
+    said = {
+        (panel.title, one.name): one
+        for panel in noise_panels(analysis)
+        for one in panel.contestants
+        if one.name in section and one.deviation in section
+    }
+    assert {title for title, _ in said} == {"cornell_box", "two_spheres"}
+    biased, sound = said["two_spheres", "embree random 1 thread"], said["two_spheres", "numpy random 1 thread"]
+    assert biased.biased and "The tests of pixels, tiles and image mean find bias, too." in biased.reading
+    assert sound.reading.startswith("Consistent with no bias") and not sound.biased
+    assert section.count("<figure>") == 4 * len(said)
 
 
 def test_everything_derived_is_written(page, folder):

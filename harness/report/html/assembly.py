@@ -23,6 +23,7 @@ from harness.analysis.rays import RayContestant, ray_races
 from harness.metrics import error_words, metric_title
 from harness.report.html.axes import axis_tables
 from harness.report.html.glossary import TERMS, anchor
+from harness.report.html.noise import noise_panels
 from harness.report.html.overview import JudgedReference, engine_key, matrix
 from harness.report.html.pictures import picture_groups
 from harness.report.plots import Picture, Plot
@@ -102,6 +103,7 @@ def report_html(
             problems=problems,
             plot_files=bool(formats()),
             groups=groups,
+            noise=noise_panels(analysis),
             payload=_script_json(pictures),
             cells=cells,
             machines=_machines(analysis),

@@ -30,6 +30,8 @@ TERMS = {
     "certified": "Of a reference: an engine with other code (another lineage) makes the same image within the margins.",
     "flagged": "The image, the error or the conduct of the contestant is in doubt. It is not ranked in its division.",
     "bias": "Difference of the expected image and the reference. It remains however many samples are taken.",
+    "Welch's test": "Of two means whose variances differ. Its p value is the probability of a difference as large as the one "
+    "that was seen, if there is none.",
     "equivalent": "A positive verdict: bounds on the difference of two images lie within margins that were set beforehand.",
     "spp": "Samples per pixel.",
     "checkpoint": "A number of samples at which the error is measured.",

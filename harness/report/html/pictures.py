@@ -120,7 +120,7 @@ def _select(
     shown: list[Shown] = []
     missing: list[tuple[str, str]] = []
     seen: dict[Any, str] = {}
-    for verdict in _ranked(panel):
+    for verdict in ranked(panel):
         name, point = verdict.contestant.name, points.get(id(verdict))
         alike = others(verdict.contestant.settings, "threads")
         image = results.image(point) if point else None
@@ -146,7 +146,7 @@ def _select(
     return Selection(words, shown, missing)
 
 
-def _ranked(panel: Panel) -> list[Verdict]:
+def ranked(panel: Panel) -> list[Verdict]:
     """The best of every engine first, then by final error."""
     ranked = sorted(panel.verdicts, key=lambda v: (math.isnan(v.final_error.value), v.final_error.value))
     engines = list(dict.fromkeys(v.contestant.settings.engine for v in ranked))

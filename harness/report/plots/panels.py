@@ -89,7 +89,7 @@ def facets(verdicts: list[Verdict]) -> list[Facet]:
 
 def reference_noise(results: Results, panel: Panel) -> tuple[float, int] | None:
     """(relMSE that the reference's own noise amounts to, its spp); None for other metrics or without the reference."""
-    if not results.metric.startswith("relmse_e"):
+    if results.metric != results.relative_metric:
         return None
     reference: Reference | None = results.reference(panel.verdicts[0].contestant.done[0].reference_id)
     if reference is None:

@@ -12,6 +12,7 @@ from harness.analysis.scaling import thread_families
 from harness.metrics import error_words, metric_title
 from harness.report.tables.accelerators import accelerators
 from harness.report.tables.by_axis import by_axis, say_why, why_blank
+from harness.report.tables.deviations import deviations
 from harness.report.tables.equivalence import accuracy, bias_and_equivalence, bias_text, equivalence, equivalence_text, who
 from harness.report.tables.evidence import evidence, share_text
 from harness.report.tables.model import reached_text
@@ -33,7 +34,7 @@ def all_tables(analysis: Analysis) -> list[Table]:
     """Every table, the verdicts first. Most are kept without rows: that nothing failed is worth saying. Where all cells trace
     rays, that of rays alone."""
     makers = (time_to_quality, by_axis, speedups, convergence, equivalence, bias_and_equivalence, phases, threads, failures)
-    asked = accelerators(analysis), scaling(analysis), accuracy(analysis), rays(analysis.results)
+    asked = deviations(analysis), accelerators(analysis), scaling(analysis), accuracy(analysis), rays(analysis.results)
     where_asked = [table for table in asked if table.rows]
     only_rays = analysis.results.ray_cells and not analysis.results.cells
     return [*(make(analysis) for make in ([] if only_rays else makers)), *where_asked]
