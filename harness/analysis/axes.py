@@ -1,13 +1,24 @@
-"""Contestants that are equal in all settings but those of some axes."""
+"""Contestants that are equal in all settings but those of some axes, and in what two of them differ.
+
+An axis is a setting (engine, accelerator, shader, sampler, precision, threads) or an option of a choice (`light_sampler`).
+`auto` of two engines is one setting. The accelerator counts as part of the engine where two engines have none in common and one
+of them has a single one.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import fields, replace
 from typing import Any
 
+from engines.choices import Choice
+from engines.registry import split
+from harness.config.settings import Combination
 from harness.store.records import Settings
-from harness.store.results import Contestant
+from harness.store.results import CHOICES, Contestant, Results
+
+SETTINGS = ("engine", "accelerator", "shader", "sampler", "precision", "threads")
+"""The settings in which contestants of a race may differ."""
 
 
 def others(settings: Settings, *axes: str) -> tuple[Any, ...]:
@@ -27,3 +38,83 @@ def families(contestants: Iterable[Contestant], *axes: str) -> list[list[Contest
     for contestant in contestants:
         groups.setdefault(others(contestant.settings, *axes), []).append(contestant)
     return list(groups.values())
+
+
+# --- differences ----------------------------------------------------------------------------------------------------
+
+
+def accelerators_of(contestants: Iterable[Contestant]) -> dict[str, set[Choice]]:
+    """Engine -> the accelerators that it has among these contestants."""
+    found: dict[str, set[Choice]] = {}
+    for contestant in contestants:
+        found.setdefault(contestant.settings.engine, set()).add(contestant.settings.accelerator)
+    return found
+
+
+def differences(one: Settings, other: Settings, accelerators: Mapping[str, set[Choice]]) -> list[str]:
+    """The axes in which two differ: of choices of one name the options. `accelerators`: those of each engine, see
+    `accelerators_of`."""
+    found = []
+    for key in SETTINGS:
+        here, there = getattr(one, key), getattr(other, key)
+        if here == there or (key == "accelerator" and _of_the_engine(one, other, accelerators)):
+            continue
+        same_name = key in CHOICES and here.name == there.name
+        found += _options(here, there) if same_name else [key]
+    return found
+
+
+def _of_the_engine(one: Settings, other: Settings, accelerators: Mapping[str, set[Choice]]) -> bool:
+    """Whether the accelerators of two engines are part of these."""
+    if one.engine == other.engine:
+        return False
+    if one.accelerator.name == other.accelerator.name == "auto":
+        return True
+    here, there = accelerators[one.engine], accelerators[other.engine]
+    shared = {each.name for each in here} & {each.name for each in there}
+    return not shared and 1 in (len(here), len(there))
+
+
+def _options(one: Choice, other: Choice) -> list[str]:
+    names = dict.fromkeys([*one.options, *other.options])
+    return [name for name in names if one.options.get(name) != other.options.get(name)]
+
+
+# --- the order in which a config writes contestants -----------------------------------------------------------------
+
+
+def places(results: Results) -> dict[Settings, int]:
+    """Contestants -> the place of each in the order of the config, in which the first value of every axis comes first: that of
+    the first combination that has most of its settings, all of them where the config is that of the run."""
+    written = results.config.combinations
+    names = {one.engine for one in written}
+    choices = [{key: getattr(one, key).describe().items() for key in CHOICES} for one in written]
+
+    def alike(one: Combination, described: Mapping[str, Any], settings: Settings) -> int:
+        """How many settings of a combination these are; it may leave options, precision and resolution to engine and scene."""
+        return (
+            (one.rays is None)
+            + (one.scene.name == settings.scene)
+            + _names(one.engine, settings.engine, names)
+            + (one.threads == settings.threads)
+            + (one.precision in (None, settings.precision))
+            + (one.resolution in (None, settings.resolution))
+            + (one.division == settings.division)
+            + sum(described[key] <= getattr(settings, key).describe().items() for key in CHOICES)
+        )
+
+    found = {}
+    for contestant in results.contestants:
+        shared = [alike(one, described, contestant.settings) for one, described in zip(written, choices, strict=True)]
+        found[contestant.settings] = shared.index(max(shared)) if shared else 0
+    return found
+
+
+def _names(written: str, engine: str, names: Iterable[str]) -> bool:
+    """Whether a config's engine may be that of tables. Of code, a file and a Python of its own the name is not known here."""
+    if written == engine:
+        return True
+    base, python = split(written)
+    if python is not None and ":" not in base:
+        return engine.partition(" ")[0] == base
+    return engine not in names and (":" in written or written.endswith((".yaml", ".yml")))

@@ -1,37 +1,48 @@
-"""Whom a contestant's times are compared with: the one that the config names, another that differs in one factor, or the
-baseline of the race.
-
-A factor is an engine, accelerator, shader, sampler, precision or thread count; scene, size and machine are always equal. An
-accelerator counts as part of its engine where the two engines have none in common.
+"""Whom a contestant's times are compared with: the baseline of its race; further, those that the config's pairs name and, along
+each axis, the contestant that is equal in all else and has the first value.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Iterable, Iterator, Sequence
+from typing import NamedTuple
 
-from engines.choices import Choice
-from harness.analysis.axes import unlabelled
+from harness.analysis.axes import accelerators_of, differences, places, unlabelled
 from harness.analysis.equivalence import similarity
 from harness.config.experiment import PREFERRED_BASELINES
 from harness.store.results import Contestant, Results
 
-FACTORS = ("engine", "accelerator", "shader", "sampler", "precision", "threads")
 AA = "A/A"
 """What is between a contestant and its twin."""
+SEVERAL = " and "
+"""Between the names of the settings in which two contestants differ."""
 
 
 class Baseline(NamedTuple):
-    """Whom a contestant is compared with, and the factors in which the two differ."""
+    """Whom a contestant is compared with, and the settings in which the two differ."""
 
     contestant: Contestant
     factors: str
 
 
+class Further(NamedTuple):
+    """A further ratio: `axis` is the setting or option in which the two differ alone, and empty of a pair of the config, whose
+    number is `pair`."""
+
+    contestant: Contestant
+    baseline: Contestant
+    axis: str
+    pair: int = -1
+
+
 def engine_order(results: Results) -> list[str]:
-    """Engines that were measured, the baseline first: the config's, numpy, numba, embree, others by name."""
+    """Engines that were measured, the one whose images others are compared with first: the config's baseline, numpy, numba,
+    embree, others by name."""
     engines = sorted({c.settings.engine for c in results.contestants if c.done})
-    return list(dict.fromkeys(name for name in (results.config.baseline, *PREFERRED_BASELINES, *engines) if name in engines))
+    baseline = results.config.baseline
+    condition = baseline.conditions.get("engine") if baseline is not None else None
+    named = [engine for engine in engines if condition is not None and condition(engine)]
+    return list(dict.fromkeys(name for name in (*named, *PREFERRED_BASELINES, *engines) if name in engines))
 
 
 def nearest_of_engine(contestant: Contestant, group: Iterable[Contestant], engine: str) -> Contestant | None:
@@ -40,90 +51,59 @@ def nearest_of_engine(contestant: Contestant, group: Iterable[Contestant], engin
     return max(same, key=lambda c: similarity(contestant, c), default=None)
 
 
-def race_baseline(group: Iterable[Contestant], results: Results) -> Contestant | None:
-    """The baseline of a race: of the engine that is first in `engine_order`, the contestant that has the first value, as the
-    config writes them, of every axis."""
-    order = engine_order(results)
-    racing = [c for c in group if not c.settings.label]
-    axes = {key: [getattr(one, key) for one in results.config.combinations] for key in FACTORS if key != "engine"}
+class Baselines:
+    """Who is compared with whom in these results."""
 
-    def place(one: Contestant) -> tuple[int, ...]:
-        return order.index(one.settings.engine), *(_first(getattr(one.settings, key), values) for key, values in axes.items())
+    def __init__(self, results: Results) -> None:
+        self.config = results.config
+        self.places = places(results)
+        self.engines = engine_order(results)
+        self.accelerators = accelerators_of(results.contestants)
 
-    return min(racing, key=place, default=None)
+    def place(self, one: Contestant) -> tuple[int, int]:
+        """What contestants are sorted by: the place in the config, where that does not tell them the engine."""
+        return self.places[one.settings], self.engines.index(one.settings.engine)
 
+    def factors(self, one: Contestant, other: Contestant) -> list[str]:
+        """The settings, and options of choices, in which two contestants differ."""
+        return differences(one.settings, other.settings, self.accelerators)
 
-def _first(value: Any, written: Sequence[Any]) -> int:
-    """The place of the first written value that a setting matches. A written choice matches one that has its options among
-    others, and a written nothing every value."""
+    def of_race(self, group: Iterable[Contestant]) -> Contestant | None:
+        """The baseline of a race: of those that the config's `baseline` matches, else of all, the one that has the first value,
+        as written, of every axis."""
+        racing = [one for one in group if not one.settings.label]
+        named = [one for one in racing if self.config.baseline is not None and self.config.baseline.matches(one.settings)]
+        return min(named or racing, key=self.place, default=None)
 
-    def stands_for(one: Any) -> bool:
-        if isinstance(one, Choice):
-            return one.describe().items() <= value.describe().items()
-        return one is None or one == value
+    def of(self, contestant: Contestant, group: Sequence[Contestant]) -> Baseline | None:
+        """An A/A twin is compared with the contestant that it repeats, others with the baseline of the race. None for that, and
+        for a twin whose original has no result."""
+        if contestant.settings.label:
+            same = [one for one in group if one.settings == unlabelled(contestant.settings)]
+            return Baseline(same[0], AA) if same else None
+        found = self.of_race(group)
+        if found is None or found is contestant:
+            return None
+        return Baseline(found, SEVERAL.join(self.factors(contestant, found)) or "none")
 
-    return next((place for place, one in enumerate(written) if stands_for(one)), len(written))
+    def along_axes(self, group: Sequence[Contestant]) -> Iterator[Further]:
+        """Every contestant of a scene, size, division and machine, with the one that differs from it in one axis alone and has
+        the first value of those that do."""
+        racing = sorted((one for one in group if not one.settings.label), key=self.place)
+        for number, contestant in enumerate(racing):
+            seen = set()
+            for other in racing[:number]:
+                between = self.factors(contestant, other)
+                if len(between) == 1 and between[0] not in seen:
+                    seen.add(between[0])
+                    yield Further(contestant, other, between[0])
 
-
-def baseline_of(contestant: Contestant, group: Sequence[Contestant], results: Results) -> Baseline | None:
-    """None for the baseline of the race, and for an A/A twin whose original has no result.
-
-    A twin is compared with the contestant that it repeats, a contestant of a pair as the config says. Others are compared with
-    one that is a single factor apart and nearer to the baseline engine: of the engine that stands first in `engine_order`, of
-    these the one that is fewest factors from the baseline engine, then the first by name. Where there is none, and within the
-    baseline engine, with the baseline of the race, whatever is between the two.
-    """
-    if contestant.settings.label:
-        same = [c for c in group if c.settings == unlabelled(contestant.settings)]
-        return Baseline(same[0], AA) if same else None
-    racing = [c for c in group if not c.settings.label and c is not contestant]
-    named = _named(contestant, racing, results)
-    if named is not None:
-        return Baseline(named, " and ".join(factors(contestant, named, group)) or "none")
-    order = engine_order(results)
-    root = nearest_of_engine(contestant, group, order[0])
-
-    def distance(one: Contestant) -> tuple[int, int]:
-        return order.index(one.settings.engine), len(factors(one, root, group)) if root is not None else 0
-
-    nearer = [c for c in racing if len(factors(contestant, c, group)) == 1 and distance(c) < distance(contestant)]
-    found = race_baseline(group, results)
-    if contestant.settings.engine != order[0] and nearer:
-        found = min(nearer, key=lambda c: (distance(c), c.name))
-    if found is None or found is contestant:
-        return None
-    return Baseline(found, " and ".join(factors(contestant, found, group)) or "none")
-
-
-def factors(one: Contestant, other: Contestant, group: Iterable[Contestant]) -> list[str]:
-    """The names of the factors in which two differ. `auto` of two engines is one setting, whatever options each has for it."""
-    found = [factor for factor in FACTORS if getattr(one.settings, factor) != getattr(other.settings, factor)]
-    if "engine" in found and "accelerator" in found:
-        if one.settings.accelerator.name == other.settings.accelerator.name == "auto":
-            found.remove("accelerator")
-            return found
-        theirs: dict[str, set[str]] = {one.settings.engine: set(), other.settings.engine: set()}
-        for contestant in group:
-            theirs.setdefault(contestant.settings.engine, set()).add(contestant.settings.accelerator.name)
-        if not theirs[one.settings.engine] & theirs[other.settings.engine]:
-            found.remove("accelerator")
-    return found
-
-
-def _named(contestant: Contestant, racing: Sequence[Contestant], results: Results) -> Contestant | None:
-    """The nearest of those that the config's first pair of this contestant names."""
-    for pair in results.config.pairs:
-        found = [c for c in racing if _matches(pair.baseline.chosen, c)]
-        if found and _matches(pair.contestant.chosen, contestant):
-            return max(found, key=lambda c: similarity(contestant, c))
-    return None
-
-
-def _matches(side: Mapping[str, str | int], contestant: Contestant) -> bool:
-    """Whether a contestant has the settings of one side of a pair; choices are named without their options."""
-
-    def plain(key: str) -> Any:
-        value = getattr(contestant.settings, key, None)
-        return value.name if isinstance(value, Choice) else value
-
-    return all(plain(key) == value for key, value in side.items())
+    def of_pairs(self, group: Sequence[Contestant]) -> Iterator[Further]:
+        """Those of a race that the config's pairs name: of several on the side of the baseline the nearest."""
+        racing = [one for one in group if not one.settings.label]
+        for number, pair in enumerate(self.config.pairs):
+            for contestant in [one for one in racing if pair.contestant.matches(one.settings)]:
+                found = [one for one in racing if one is not contestant and pair.baseline.matches(one.settings)]
+                if found:
+                    nearest = max(found, key=lambda one, own=contestant: similarity(own, one))
+                    yield Further(contestant, nearest, "", number)

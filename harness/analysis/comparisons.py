@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from harness.analysis.baselines import AA, baseline_of
+from harness.analysis.baselines import AA, Baselines
 from harness.analysis.crossings import READINGS, Logs, logs
 from harness.analysis.model import CONTESTANT_KEYS, PER_SAMPLE, Frame, Verdict, raced_together
 from harness.statistics import Bound, Race, noise_floor, race, twin_distance
@@ -36,19 +36,20 @@ def pairs(results: Results, verdicts: Sequence[Verdict]) -> Frame:
     what the two differ, both empty where there is none; `no_ratio`, why it is compared with none, empty where it is; `ranked`,
     whether it may win.
     """
-    rows = []
+    rows, baselines = [], Baselines(results)
     for number, group in enumerate(raced_together(verdicts).values()):
         members = {verdict.contestant: verdict for verdict in group}
         for contestant, verdict in members.items():
-            baseline, factor = baseline_of(contestant, list(members), results) or (None, "")
-            why_not = _why_no_ratio(verdict, None if baseline is None else members[baseline], group)
+            baseline, factor = baselines.of(contestant, list(members)) or (None, "")
+            why_not = why_no_ratio(verdict, None if baseline is None else members[baseline], group)
             ranked = not verdict.disqualified and not contestant.settings.label
             name = baseline.name if baseline is not None else ""
             rows.append((number, contestant.settings.scene, contestant.name, name, factor, why_not, ranked))
     return pd.DataFrame(rows, columns=PAIRS)
 
 
-def _why_no_ratio(verdict: Verdict, baseline: Verdict | None, group: Sequence[Verdict]) -> str:
+def why_no_ratio(verdict: Verdict, baseline: Verdict | None, group: Sequence[Verdict] = ()) -> str:
+    """Why a contestant of a race has no ratio to its baseline, or none at all; empty where it has one."""
     if verdict.disqualified:
         return "flagged, so not ranked"
     if baseline is not None:
@@ -142,7 +143,7 @@ def _race(times_in: Mapping[str, Frame], members: Frame, floors: Floors, margin:
         )
         ratios = {row: ratio for (row, _), ratio in zip(compared, found.ratios, strict=True)}
         for row, member in enumerate(members.itertuples(index=False)):
-            ratio = ratios.get(row, (math.nan, math.nan, math.nan, 0, "unresolved" if member.baseline else ""))
+            ratio = ratios.get(row, (math.nan, math.nan, math.nan, 0, ""))
             yield *member, measure, *ratio, found.possible_winner[row], math.expm1(floor), found.twins_separated
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from harness.analysis.columns import Column, Table, rows_of
-from harness.analysis.measurements import CONTESTANT, IDENTITY, cells, of_cell, points
+from harness.analysis.measurements import CONTESTANT, IDENTITY, SCENE, cells, of_cell, points
 from harness.analysis.model import CONTESTANT_KEYS, FLAGS, NOISY, OF_THE_ESTIMATOR, OF_THE_TIME, Analysis, Frame
 from harness.analysis.verdicts import analyse
 from harness.store.results import Results, load_results
@@ -26,11 +26,12 @@ SECONDS = Column(
 
 
 class ResultFrames:
-    """A results folder as four DataFrames; each is made when it is first asked for.
+    """A results folder as five DataFrames; each is made when it is first asked for.
 
     `points`: one row per checkpoint. `cells`: one row per cell, in any state. `times_to_quality`: one row per contestant,
-    target and start (warm or cold). `verdicts`: one row per scene, target and contestant. Two rows belong to one contestant if
-    `scene` and `contestant` are equal. `times_to_quality` and `verdicts` read the images of the folder, which takes longer.
+    target and start (warm or cold). `verdicts`: one row per scene, target and contestant. `by_axis`: one row per axis,
+    contestant and measure. Two rows belong to one contestant if `scene` and `contestant` are equal. All but `points` and
+    `cells` read the images of the folder, which takes longer.
     """
 
     def __init__(self, results: Results) -> None:
@@ -57,6 +58,10 @@ class ResultFrames:
     def verdicts(self) -> pd.DataFrame:
         return verdicts(self.analysis).frame
 
+    @cached_property
+    def by_axis(self) -> pd.DataFrame:
+        return by_axis(self.analysis).frame
+
     def columns(self, name: str) -> dict[str, str]:
         """What each column of a frame means: `columns("points")["seconds"]`. Raises `KeyError` for another name."""
         tables = {
@@ -64,6 +69,7 @@ class ResultFrames:
             "cells": (cells, self.results),
             "times_to_quality": (times_to_quality, self.analysis),
             "verdicts": (verdicts, self.analysis),
+            "by_axis": (by_axis, self.analysis),
         }
         make, source = tables[name]
         return {name: meaning for column in make(source).columns for name, meaning in column.fields.items()}
@@ -123,10 +129,10 @@ def verdicts(analysis: Analysis) -> Table:
             Column("failed_cells", "Cells that failed or ran out of time.", "count"),
             Column(
                 "baseline",
-                "Contestant that it is compared with: the config's pairs name it, it differs in a single factor, "
-                "or it is the baseline of the race. Unknown if there is none.",
+                "Contestant that it is compared with: the baseline of its race, which the config's `baseline` names, or which "
+                "has the first value, as written, of every axis; of an A/A twin what it repeats. Unknown if there is none.",
             ),
-            Column("factor", "Factors in which the two differ, joined by `and`."),
+            Column("factor", "Settings, and options of choices, in which the two differ, joined by `and`."),
             Column("no_ratio", "Why it is compared with none; empty where it is."),
             Column(
                 "ratio",
@@ -162,6 +168,32 @@ def verdicts(analysis: Analysis) -> Table:
     noisy = np.where(found.reliable, "", f" {NOISY}")
     found["flags"] = (found["flags"] + noisy).str.strip()
     table.rows = rows_of(found.replace({"baseline": "", "factor": ""}, None), table.columns)
+    return table
+
+
+def by_axis(analysis: Analysis) -> Table:
+    """One row an axis, contestant and measure; those of the config's pairs come last."""
+    table = Table(
+        "by_axis",
+        "By axis",
+        "Contestants that differ in one setting, or one option, alone: each against the one with the first value as the config "
+        "writes them. Behind these the config's pairs.",
+        [
+            Column("axis", "Setting, or option of a shader, sampler or accelerator. Of a pair all in which its sides differ."),
+            Column("value", "Value of the contestant."),
+            Column("over", "Value of the baseline."),
+            SCENE,
+            Column("settings", "What the two have in common, of what varies along the axis."),
+            CONTESTANT,
+            Column("baseline", "Contestant that it is compared with."),
+            Column("measure", "What is compared: seconds per sample, or warm seconds to a target."),
+            Column("ratio", "Seconds of the baseline over these, paired by block: above 1 is faster.", "ratio", "speed-up"),
+            Column("blocks", "Blocks that both have.", "count"),
+            Column("verdict", "faster, slower, same or unresolved; empty where nothing is compared."),
+            Column("no_ratio", "Why the two are not compared; empty where they are.", title="no speed-up"),
+        ],
+    )
+    table.rows = rows_of(analysis.by_axis, table.columns)
     return table
 
 

@@ -109,8 +109,9 @@ def bias_sizes(bias: BiasEstimate | None) -> dict[str, str]:
 class Analysis:
     """`verdicts` of all contestants that have a measured cell. `engine_pairs` are engines compared under equal settings.
 
-    `points` and `cells` are the tables of `measurements`; `crossings`, `times` (to quality) and `comparisons` the DataFrames of
-    the functions of these names. `floors`: (scene, measure) -> noise floor as a log ratio, see `comparisons.noise_floors`.
+    `points` and `cells` are the tables of `measurements`; `crossings`, `times` (to quality), `comparisons` and `by_axis` the
+    DataFrames of the functions of these names. `floors`: (scene, measure) -> noise floor as a log ratio, see
+    `comparisons.noise_floors`.
     """
 
     results: Results
@@ -120,6 +121,7 @@ class Analysis:
     crossings: Frame
     times: Frame
     comparisons: Frame
+    by_axis: Frame
     floors: Mapping[tuple[str, str], float]
     engine_pairs: Sequence[EnginePair]
 

@@ -82,8 +82,8 @@ class RayContestant:
 
 
 def ray_races(results: Results) -> list[list[RayContestant]]:
-    """Contestants by scene, set of rays, threads and machine, in each race in the order in which they are baselines: by engine
-    as in other races, then as the config writes them."""
+    """Contestants by scene, set of rays, threads and machine, in each race in the order in which they are baselines: those that
+    the config's `baseline` matches, then by engine (numpy, numba, embree, others by name), then as the config writes them."""
     cells: dict[tuple[RaySettings, str], list[RayCell]] = {}
     for cell in results.ray_cells:
         cells.setdefault((cell.settings, cell.ray_set_id), []).append(cell)
@@ -95,12 +95,14 @@ def ray_races(results: Results) -> list[list[RayContestant]]:
         for (s, _), own in cells.items()
     ]
     scenes = list(dict.fromkeys([*(each.scene.name for each in results.config.combinations), *(s.scene for s, _ in cells)]))
-    engines = list(dict.fromkeys([results.config.baseline, *PREFERRED_BASELINES, *sorted(s.engine for s, _ in cells)]))
+    engines = list(dict.fromkeys([*PREFERRED_BASELINES, *sorted(s.engine for s, _ in cells)]))
+    named = results.config.baseline
 
     def place(one: RayContestant) -> tuple[int, ...]:
         s, written = one.settings, results.config.combinations
         own = next((index for index, each in enumerate(written) if _stands_for(each, s)), len(written))
-        return scenes.index(s.scene), RAY_KINDS.index(s.rays), s.threads, engines.index(s.engine), own, bool(s.label)
+        other = named is not None and not named.matches(s)
+        return scenes.index(s.scene), RAY_KINDS.index(s.rays), s.threads, other, engines.index(s.engine), own, bool(s.label)
 
     races: dict[tuple[str, ...], list[RayContestant]] = {}
     for one in sorted(found, key=place):

@@ -11,7 +11,7 @@ from harness.analysis.baselines import engine_order, nearest_of_engine
 from harness.analysis.conduct import conduct_flags
 from harness.analysis.equivalence import Replicates, compared, engine_pairs, pictured_spp, shared_spp
 from harness.analysis.image_flags import image_flags
-from harness.analysis.model import Analysis, Group, Verdict, group_of
+from harness.analysis.model import Analysis, Frame, Group, Verdict, group_of
 from harness.analysis.slopes import slopes
 from harness.metrics import as_error
 from harness.statistics import (
@@ -31,7 +31,7 @@ from harness.store.results import PHASES, Contestant, Results, phase_seconds, po
 
 def analyse(results: Results) -> Analysis:
     """Draws all conclusions; reads the last image of every cell for bias and equivalence."""
-    from harness.analysis import comparisons, crossings, measurements  # pandas, which takes half a second to import
+    from harness.analysis import by_axis, comparisons, crossings, measurements  # pandas, which takes half a second to import
 
     images, known, engine = Replicates(results), archived_verdicts.read_archived(results), baseline_engine_of(results)
     slope_of = slopes(results)
@@ -50,6 +50,10 @@ def analyse(results: Results) -> Analysis:
     crossed = crossings.crossings(points.frame, cells.frame, targets)
     pairs = comparisons.pairs(results, verdicts)
     floors = comparisons.noise_floors(crossed, pairs)
+
+    def compare(crossings: Frame, pairs: Frame) -> Frame:
+        return comparisons.comparisons(crossings, pairs, floors, results.config.same_within)
+
     return Analysis(
         results,
         verdicts,
@@ -57,7 +61,8 @@ def analyse(results: Results) -> Analysis:
         cells,
         crossed,
         crossings.times_to_quality(crossed),
-        comparisons.comparisons(crossed, pairs, floors, results.config.same_within),
+        compare(crossed, pairs),
+        by_axis.by_axis(results, verdicts, crossed, compare),
         floors,
         engine_pairs(results, images, known.pairs),
     )

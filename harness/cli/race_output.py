@@ -15,9 +15,10 @@ from harness.analysis import Analysis
 from harness.analysis.columns import estimate_of
 from harness.metrics import as_error
 from harness.plan.cells import Cell, Plan
+from harness.report import answer_text
 from harness.report.plots.panels import panels
 from harness.report.tables.model import estimate_text, number_text
-from harness.report.winners import standing, winners_text
+from harness.report.winners import standing
 from harness.run.progress import Terminal
 from harness.settings import CellSettings
 from harness.store import records
@@ -133,4 +134,4 @@ def print_answer(console: Console, analysis: Analysis) -> None:
                 )
                 table.add_row(*cells, style="bold" if row.possible_winner else None)
         console.print(table)
-    console.print(winners_text(analysis), end="", markup=False, soft_wrap=not console.is_terminal)
+    console.print(answer_text(analysis), end="", markup=False, soft_wrap=not console.is_terminal)

@@ -20,8 +20,9 @@ from engines.schema.yaml_file import Located, locate
 from harness.config import sections
 from harness.config.combinations import MATRIX, expand
 from harness.config.files import ConfigFile, read_file, top_level
+from harness.config.filters import CONTESTANTS, Filter
 from harness.config.keys import by_field, key, keys_of, written
-from harness.config.kinds import LINE, NAME, RECORDED, SEED, ListOf, OrNull, integer, number, one_of, version
+from harness.config.kinds import LINE, RECORDED, SEED, ListOf, OrNull, integer, number, one_of, version
 from harness.config.sections import (
     MOST_REPLICATES,
     Checkpoints,
@@ -44,7 +45,7 @@ FORMER_RAYS = (
 )
 IMAGES = ("all", "some", "last", "none")
 PREFERRED_BASELINES = ("numpy", "numba", "embree")
-"""The engine that all are compared with where a config names none: the first of these that it has."""
+"""The engine whose images others are compared with where a config names none: the first of these that it has."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,12 +77,15 @@ class Experiment:
         "Checkpoints whose images are kept; some: 1, 4 and 16 samples and the last, all of the first block.",
         "some",
     )
-    baseline: str | None = key(
-        OrNull(NAME), "Engine that speed-ups and images are compared with; by default numpy, else numba, else embree.", None
+    baseline: Filter | None = key(
+        OrNull(CONTESTANTS),
+        "Filter of the contestant that all others of a race are compared with; a bare name is an engine's. Of several, and "
+        "where it matches none of a race, or none is given, the one that has the first value, as written, of every axis.",
+        None,
     )
     pairs: tuple[Pair, ...] = key(
         ListOf(sections.PAIR),
-        "Ratios of times between contestants that differ in several settings; others are formed where one differs.",
+        "Further ratios of times, beside those to the baseline of the race and those along each axis.",
         [],
     )
     same_within: float = key(

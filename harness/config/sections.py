@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from typing import Any
@@ -15,7 +14,8 @@ from engines.registry import is_file, split
 from engines.schema.keys import Given, Schema
 from engines.schema.kinds import BOOLEAN, Kind
 from engines.schema.yaml_file import Located
-from harness.config.keys import Section, key, written
+from harness.config.filters import CONTESTANTS, Filter
+from harness.config.keys import Section, key
 from harness.config.kinds import DURATION, NAME, RECORDED, SEED, SIZE, ListOf, OrNull, integer, number, one_of
 from harness.config.settings import ACCELERATOR, ENGINE, PRECISION, SAMPLER, SHADER
 from harness.metrics import METRICS
@@ -92,35 +92,12 @@ class Order:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Contestants:
-    """Contestants, by some of their settings; choices by their names alone."""
-
-    engine: str | None = key(NAME, "Engine, by the name that tables use.", None)
-    accelerator: str | None = key(NAME, "Accelerator.", None)
-    sampler: str | None = key(NAME, "Sampler.", None)
-    precision: str | None = key(NAME, "Precision.", None)
-    threads: int | None = key(integer(1, 1024), "Threads.", None)
-
-    @property
-    def chosen(self) -> Mapping[str, Any]:
-        """The settings that count."""
-        return written(self)
-
-
-def _contestants(found: Contestants, given: Given, context: Any) -> Contestants:
-    if not given.written:
-        raise given.node.refuse("at least one setting is expected")
-    return found
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Pair:
-    """A ratio of times to form, in however many settings the two differ."""
+    """A further ratio of times, in however many settings the two differ."""
 
-    contestant: Contestants = key(Section(Contestants, _contestants), "Contestant whose times are compared.")
-    baseline: Contestants = key(
-        Section(Contestants, _contestants),
-        "Contestant that it is compared with; of several, the one that shares the most settings.",
+    contestant: Filter = key(CONTESTANTS, "Filter of the contestants whose times are compared; a bare name is an engine's.")
+    baseline: Filter = key(
+        CONTESTANTS, "Filter of the contestant that they are compared with; of several, the one that shares the most settings."
     )
 
 

@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import json
 import random
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 from engines import memory
@@ -22,6 +23,7 @@ from engines.registry import is_file, lineage_of
 from engines.scene import Scene
 from harness.config import SCHEMA_VERSION, Experiment
 from harness.config.experiment import PREFERRED_BASELINES
+from harness.config.filters import Filter
 from harness.config.paths import shown
 from harness.config.sections import AUTOMATIC, REFERENCE_ENGINE
 from harness.config.settings import Budget, Combination, SceneFile
@@ -69,18 +71,53 @@ def make(
     unique = {cell.cell_id: cell for cell in reversed(cells)}
     cells = [cell for cell in cells if unique[cell.cell_id] is cell]
     warned = [f"{shown(Path(file.path))}: {text}" for file, scene in known.scenes.items() for text in scene.warnings]
-    _baseline_runs(experiment, {cell.engine_name for cell in cells})
+    _baseline_exists(experiment, configurations)
     _pairs_exist(experiment, configurations)
     compared = dict.fromkeys(combination.engine for combination in experiment.combinations)
     verify_jobs = planned(experiment.verify, {name: known.engines[name] for name in compared})
     return Plan(experiment, tuple(cells), references, (*experiment.warnings, *warned), verify_jobs)
 
 
-def _baseline_runs(experiment: Experiment, engines: set[str]) -> None:
-    """Refuses a baseline that is no engine of the experiment, under the name that tables use."""
-    if experiment.baseline is not None and experiment.baseline not in engines:
-        near = suggestion(experiment.baseline, engines)
-        raise ConfigError(f"{experiment.source} baseline = {experiment.baseline!r}: no engine of this experiment: {near}")
+def _baseline_exists(experiment: Experiment, configurations: Iterable[Cell]) -> None:
+    """Refuses a baseline that is no contestant of the experiment, under the names that tables use."""
+    if experiment.baseline is not None:
+        _matching(experiment.baseline, [settings_of(cell) for cell in configurations], f"{experiment.source} baseline")
+
+
+def settings_of(cell: Cell) -> SimpleNamespace:
+    """What a filter of contestants is asked about: the settings by the names of their keys, the engine by that of tables."""
+    settings = cell.settings
+    own = settings.fields()
+    if isinstance(settings, CellSettings):
+        own["resolution"] = (settings.width, settings.height)
+    rays = None if cell.ray_set is None else cell.ray_set.kind
+    return SimpleNamespace(scene=cell.scene, engine=cell.engine_name, rays=rays, division=cell.division, **own)
+
+
+def _matching(given: Filter, runs: Sequence[SimpleNamespace], where: str) -> list[SimpleNamespace]:
+    """The contestants that a filter matches. Where it matches none, the refusal names the setting that none has."""
+    if found := [each for each in runs if given.matches(each)]:
+        return found
+    for key, condition in given.conditions.items():
+        values = list(dict.fromkeys(_words(getattr(each, key)) for each in runs if hasattr(each, key)))
+        if not any(hasattr(each, key) and condition(getattr(each, key)) for each in runs):
+            value = given.written[key]
+            near = suggestion(value, values) if isinstance(value, str) else f"known: {', '.join(values) or 'none'}"
+            if len(given.written) == 1 and isinstance(value, str):
+                raise ConfigError(f"{where}{_inner(given)} = {value!r}: no {key} of this experiment: {near}")
+            raise ConfigError(f"{where} = {given}: no contestant of this experiment has these settings; {key}: {near}")
+    raise ConfigError(f"{where} = {given}: no contestant of this experiment has these settings together")
+
+
+def _inner(given: Filter) -> str:
+    (key,) = given.written
+    return "" if key == "engine" else f".{key}"
+
+
+def _words(value: Any) -> str:
+    if isinstance(value, tuple):
+        return "x".join(map(str, value))
+    return value.name if isinstance(value, SceneFile) else str(value)
 
 
 def _one_division(experiment: Experiment, found: Iterable[tuple[Cell, Any]]) -> None:
@@ -108,31 +145,14 @@ def _one_budget(experiment: Experiment, found: Iterable[tuple[Cell, Any]]) -> No
 
 def _pairs_exist(experiment: Experiment, configurations: Iterable[Cell]) -> None:
     """Refuses a pair with a side that is no contestant of the experiment, and one whose sides are in different divisions."""
-    runs = [
-        {
-            "engine": cell.engine_name,
-            "accelerator": cell.settings.accelerator.name,
-            "sampler": cell.settings.sampler.name,
-            "precision": cell.settings.precision,
-            "threads": cell.settings.threads,
-            "division": cell.division,
-        }
-        for cell in configurations
-        if isinstance(cell.settings, CellSettings)
-    ]
+    runs = [settings_of(cell) for cell in configurations if cell.ray_set is None]
     if experiment.pairs and not runs:
         raise ConfigError(f"{experiment.source} pairs: they are of cells that render, and all of this experiment trace rays")
     for index, pair in enumerate(experiment.pairs):
-        divisions = []
-        for side, expected in (("contestant", pair.contestant.chosen), ("baseline", pair.baseline.chosen)):
-            found = [settings for settings in runs if all(settings[key] == value for key, value in expected.items())]
-            if not found:
-                said = ", ".join(f"{key}: {json.dumps(value)}" for key, value in expected.items())
-                where = f"{experiment.source} pairs[{index}].{side} = {{{said}}}"
-                raise ConfigError(f"{where}: no contestant of this experiment has these settings")
-            divisions.append({settings["division"] for settings in found})
+        where = f"{experiment.source} pairs[{index}]"
+        sides = (("contestant", pair.contestant), ("baseline", pair.baseline))
+        divisions = [{each.division for each in _matching(given, runs, f"{where}.{side}")} for side, given in sides]
         if not set.intersection(*divisions):
-            where = f"{experiment.source} pairs[{index}]"
             raise ConfigError(f"{where}: its sides are in different divisions, which are not compared")
 
 
@@ -445,9 +465,11 @@ def _with_aa_twins(experiment: Experiment, configurations: list[Cell]) -> list[C
 
 
 def _twinned(experiment: Experiment, cells: list[Cell]) -> Cell:
-    """Of a scene's configurations the baseline engine's first one, else the first."""
-    baselines = PREFERRED_BASELINES if experiment.baseline is None else (experiment.baseline,)
-    return next((cell for name in baselines for cell in cells if cell.engine_name == name), cells[0])
+    """Of a scene's configurations the first that the config's baseline matches, else that of an engine to prefer, else the
+    first."""
+    if experiment.baseline is not None:
+        return next((cell for cell in cells if experiment.baseline.matches(settings_of(cell))), cells[0])
+    return next((cell for name in PREFERRED_BASELINES for cell in cells if cell.engine_name == name), cells[0])
 
 
 def _in_block(cell: Cell, experiment: Experiment, block: int) -> Cell:

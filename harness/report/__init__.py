@@ -10,6 +10,7 @@ from harness.console import consoles
 from harness.report.plots import write_plots
 from harness.report.plugins import Plugin, make
 from harness.report.rays_text import rays_text
+from harness.report.sentences import sentences_text
 from harness.report.tables import write_tables
 from harness.report.winners import winners_text
 from harness.store import WINNERS
@@ -29,10 +30,15 @@ def write_derived(folder: str | Path, plugins: Sequence[Plugin] = (), analysis: 
     results = analysis.results
     tables = write_tables(analysis, results.folder)
     plots = write_plots(analysis, results.folder)
-    write_text(results.folder / WINNERS, winners_text(analysis) + rays_text(results))
+    write_text(results.folder / WINNERS, answer_text(analysis))
     made = make(plugins, analysis, results.folder)
     for problem in made.problems:
         consoles()[1].print(problem, soft_wrap=True, markup=False)
     path = results.folder / "report.html"
     write_text(path, report_html(analysis, [*tables, *made.tables], [*plots, *made.pictures], made.problems))
     return path
+
+
+def answer_text(analysis: Analysis) -> str:
+    """What a run ends with: the fastest to each target, a sentence for each axis, and rays."""
+    return winners_text(analysis) + sentences_text(analysis) + rays_text(analysis.results)

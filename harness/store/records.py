@@ -187,6 +187,11 @@ class Settings:
         """`256x256`."""
         return f"{self.width}x{self.height}"
 
+    @property
+    def resolution(self) -> tuple[int, int]:
+        """Width and height, as a filter asks for them."""
+        return self.width, self.height
+
     def order(self) -> tuple[Any, ...]:
         """What contestants are sorted by."""
         choices = self.accelerator, self.shader, self.sampler

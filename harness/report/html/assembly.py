@@ -21,6 +21,7 @@ from harness.analysis.certificates import certificate_text, certifies, refutes
 from harness.analysis.columns import estimate_of
 from harness.analysis.rays import RayContestant, ray_races
 from harness.metrics import error_words, metric_title
+from harness.report.html.axes import axis_tables
 from harness.report.html.glossary import TERMS, anchor
 from harness.report.html.overview import JudgedReference, engine_key, matrix
 from harness.report.html.pictures import picture_groups
@@ -31,6 +32,7 @@ from harness.report.plots.interactive import plotly
 from harness.report.plots.panels import Panel, panels
 from harness.report.plots.rays import RAYS
 from harness.report.plots.style import file_stem, formats
+from harness.report.sentences import MOST_LINES, sentences
 from harness.report.tables import Column, Table, cell_text, sort_value
 from harness.report.tables.evidence import evidence
 from harness.report.tables.model import estimate_text
@@ -90,6 +92,9 @@ def report_html(
             matrix=matrix(analysis, found, references),
             engine_key=engine_key(analysis),
             verdicts=headlines(analysis),
+            sentences=sentences(analysis),
+            most_answers=MOST_LINES,
+            axis_tables=axis_tables(analysis),
             tables={table.name: table for table in tables},
             pair_verdicts=_pair_verdicts(analysis),
             plot_sets=sets,
@@ -263,6 +268,7 @@ def _environment() -> Environment:
     )
     environment.globals |= {
         "anchor": anchor,
+        "blank": blank,
         "breakable": breakable,
         "cell_text": cell_text,
         "plot_json": plot_json,
@@ -277,6 +283,11 @@ def _environment() -> Environment:
 def shown_columns(table: Table) -> list[Column]:
     """Those of which something is known in some row; all of a table without rows."""
     return [c for c in table.columns if not table.rows or any(cell_text(c, row.get(c.name)) != "–" for row in table.rows)]
+
+
+def blank(row: Mapping[str, Any], column: Column) -> str:
+    """Why a cell of a table shows nothing, as far as the table says so."""
+    return row.get("blank", {}).get(column.name, "")
 
 
 def breakable(name: str) -> Markup:

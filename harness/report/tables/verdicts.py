@@ -11,6 +11,7 @@ from harness.analysis.model import FLAGS
 from harness.analysis.scaling import thread_families
 from harness.metrics import error_words, metric_title
 from harness.report.tables.accelerators import accelerators
+from harness.report.tables.by_axis import by_axis, say_why, why_blank
 from harness.report.tables.equivalence import accuracy, bias_and_equivalence, bias_text, equivalence, equivalence_text, who
 from harness.report.tables.evidence import evidence, floor_text
 from harness.report.tables.model import reached_text
@@ -31,7 +32,7 @@ IN_OTHER_COLUMNS = ("biased", "biased_image", "biased_tile", "other_image", "equ
 def all_tables(analysis: Analysis) -> list[Table]:
     """Every table, the verdicts first. Most are kept without rows: that nothing failed is worth saying. Where all cells trace
     rays, that of rays alone."""
-    makers = (time_to_quality, speedups, convergence, equivalence, bias_and_equivalence, phases, threads, failures)
+    makers = (time_to_quality, by_axis, speedups, convergence, equivalence, bias_and_equivalence, phases, threads, failures)
     asked = accelerators(analysis), scaling(analysis), accuracy(analysis), rays(analysis.results)
     where_asked = [table for table in asked if table.rows]
     only_rays = analysis.results.ray_cells and not analysis.results.cells
@@ -46,7 +47,7 @@ def time_to_quality(analysis: Analysis) -> Table:
         "Time to quality",
         f"Geometric mean over seeds with Student's 95 % interval; targets are in {metric_title(results.metric)}, errors "
         f"{error_words(results.metric)}. Nothing is extrapolated: >, < are bounds. Where there is no speed-up, the "
-        "column of the baseline says why; beside a baseline a dash means that one of the two did not reach the target. "
+        "column of the baseline says why; beside a baseline a dash means that neither of the two reached the target. "
         f"{evidence(analysis)}",
         [
             SCENE,
@@ -60,7 +61,7 @@ def time_to_quality(analysis: Analysis) -> Table:
             Column("speedup_verdict", "faster, slower, same or unresolved.", title="verdict"),
             Column(
                 "baseline",
-                "Contestant that it is compared with, and in brackets the factors in which the two differ; or why "
+                "Contestant that it is compared with, and in brackets the settings in which the two differ; or why "
                 "there is none.",
             ),
             Column(
@@ -91,6 +92,13 @@ def time_to_quality(analysis: Analysis) -> Table:
         dtype="string",
     )
     table.rows = rows_of(found.rename(columns=RENAMED).merge(words), table.columns)
+    by_name = {(verdict.contestant.settings.scene, verdict.contestant.name): verdict for verdict in analysis.verdicts}
+    of_rows = [by_name[row["scene"], row["contestant"]] for row in table.rows]
+    reasons = [why_blank(analysis.at(of.contestant, row["target"])) for of, row in zip(of_rows, table.rows, strict=True)]
+    say_why(table, reasons, "speedup", "speedup_verdict")
+    say_why(table, ["there are no images of two seeds, or no reference"] * len(of_rows), "bias")
+    itself, missing = "it is itself the image baseline, or alone", "there are no images to compare"
+    say_why(table, [itself if verdict.image_baseline is None else missing for verdict in of_rows], "equivalence")
     return table
 
 
@@ -105,15 +113,16 @@ def speedups(analysis: Analysis) -> Table:
     table = Table(
         "speedups",
         "Speed-up",
-        "Every contestant against its baseline: the one that the config's pairs name, else one that differs in a single "
-        f"factor, else the baseline of the race. {_without_ratio(analysis)}A dash: one of the two did not reach the target in "
-        "a block that both have. Geometric mean of paired block ratios with Student's 95 % interval, its variance moderated by "
-        f"that of the scene; the family-wise error rate of a scene and target is 5 % (Holm). {evidence(analysis)}",
+        "Every contestant against the baseline of its race: the one that the config's `baseline` names, else the one that has "
+        f"the first value, as written, of every axis. {_without_ratio(analysis)}A dash: neither of the two reached the target "
+        "in all blocks that both have. Geometric mean of paired block ratios with Student's 95 % interval, its variance "
+        "moderated by that of the scene; the family-wise error rate of a scene and target is 5 % (Holm). "
+        f"{evidence(analysis)}",
         [
             SCENE,
             CONTESTANT,
             Column("baseline", "Contestant that it is compared with."),
-            Column("factor", "Factors in which the two differ."),
+            Column("factor", "Settings, and options of choices, in which the two differ.", title="differs in"),
             Column("measure", "What is compared: seconds per sample, or warm seconds to a target."),
             Column("speedup", "Baseline over contestant; above 1 the contestant is faster.", "ratio", "speed-up"),
             Column("pairs", "Blocks that both have.", "count"),
@@ -122,9 +131,12 @@ def speedups(analysis: Analysis) -> Table:
         ],
     )
     found = measurements.by_contestant(analysis.comparisons, analysis.results)
-    found = found[found.no_ratio == ""].rename(columns=SPEEDUP | {"blocks": "pairs"})
+    found = found[found.no_ratio == ""]
+    reasons = [why_blank(row) for row in found.itertuples()]
+    found = found.rename(columns=SPEEDUP | {"blocks": "pairs"})
     found["noise_floor"] = found.noise_floor.map(floor_text)
     table.rows = rows_of(found, table.columns)
+    say_why(table, reasons, "speedup", "verdict")
     return table
 
 

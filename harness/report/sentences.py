@@ -1,0 +1,219 @@
+"""What came out, in words: a line for each value of each axis, which `raybench run` ends with and the report begins with."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from scipy.special import ndtri
+
+from harness.analysis import Analysis
+from harness.analysis.axes import SETTINGS
+from harness.analysis.baselines import AA, SEVERAL, Baselines
+from harness.analysis.model import PER_SAMPLE, Frame, measure_of, ranked_together
+from harness.metrics import metric_title
+from harness.report.tables.model import number_text
+from harness.statistics.ratios import ALPHA, FEWEST_BLOCKS
+
+MOST_PLACES = 3
+"""Places that a line tells one by one; of more it tells the least and the greatest."""
+MOST_LINES = 15
+"""Lines at the end of a run; the report has all."""
+MOST_REPEATS = 200
+"""More repeats than these are said to be out of reach."""
+SINGULAR, PLURAL = "'s", "'"
+SUBJECTS = ("engine", "accelerator", "shader", "sampler")
+"""Axes whose values reach a target; with values of others contestants do."""
+
+
+class Sentence(NamedTuple):
+    """What is known of a value of an axis, against another value."""
+
+    axis: str
+    text: str
+
+
+def sentences(analysis: Analysis) -> list[Sentence]:
+    """Every axis in turn, then contestants that differ from all others in several settings, then why an axis has no ratio."""
+    rows = pd.concat([analysis.by_axis, _of_several(analysis)], ignore_index=True)
+    groups: Any = rows.groupby(["axis", "value", "over"], sort=False)
+    found = [Sentence(axis, _sentence(analysis, axis, value, over, own)) for (axis, value, over), own in groups]
+    return [*found, *_without_ratio(analysis, {each.axis for each in found})]
+
+
+def sentences_text(analysis: Analysis) -> str:
+    """The sentences as lines under a heading; empty where nothing was compared."""
+    found = sentences(analysis)
+    lines = [f"  {each.axis}: {each.text}" for each in found[:MOST_LINES]]
+    if len(found) > MOST_LINES:
+        lines.append(f"  and {len(found) - MOST_LINES} more, see the report")
+    heading = f"What each setting does, all else equal; targets are in {metric_title(analysis.results.metric)}:"
+    return "\n".join([heading, *lines, ""]) if found else ""
+
+
+def _of_several(analysis: Analysis) -> Frame:
+    """The rows of `comparisons` of contestants that are compared along no axis, with the columns `LABELS`."""
+    found = analysis.comparisons
+    along = set(zip(analysis.by_axis.scene, analysis.by_axis.contestant, strict=True))
+    alone = np.array([who not in along for who in zip(found.scene, found.contestant, strict=True)], bool)
+    found = found[alone & (found.baseline != "") & (found.factor != AA)]
+    return found.assign(axis=found.factor, value=found.contestant, over=found.baseline, settings="")
+
+
+# --- one sentence ---------------------------------------------------------------------------------------------------
+
+
+class _Words(NamedTuple):
+    """The parts of a sentence: `start`, what stands before a share of the time, whose time that is a share of, and what it says
+    where the two take as long."""
+
+    start: str
+    whose: str
+    alike: str
+
+
+def _words(axis: str, value: str, over: str, target: float | None) -> _Words:
+    subject = axis in SUBJECTS or " " in axis
+    whose = f"{over}{PLURAL if over.endswith('s') else SINGULAR} time" if subject else f"the time with {over}"
+    if target is None:
+        start = f"a sample of {value} takes" if subject else f"with {value} a sample takes"
+        return _Words(start, whose, f"{start} as long as {'one of' if subject else 'with'} {over}")
+    reaches = f"{value} reaches {target:g}" if subject else f"with {value}, {target:g} is reached"
+    return _Words(f"{reaches} in", whose, f"{reaches} as soon as {'' if subject else 'with '}{over}")
+
+
+def _sentence(analysis: Analysis, axis: str, value: str, over: str, rows: Frame) -> str:
+    """At the hardest target for which some ratio is known; without one by the seconds of a sample."""
+    for target in [*reversed(analysis.results.targets), None]:
+        own = rows[rows.measure == (PER_SAMPLE if target is None else measure_of(target))]
+        if (own.ratio.gt(0) & own.ratio.lt(math.inf)).any():
+            return _of_target(analysis, _words(axis, value, over, target), value, over, own)
+    reasons = dict.fromkeys(why for why in rows.no_ratio if why) or ["neither was measured in a block that both have"]
+    return f"{value} and {over} are not compared: {'; '.join(reasons)}."
+
+
+def _of_target(analysis: Analysis, words: _Words, value: str, over: str, rows: Frame) -> str:
+    compared = [row for row in rows.itertuples() if not row.no_ratio]
+    told: dict[str, list[Any]] = {}
+    for row in compared:
+        if 0 < row.ratio < math.inf:
+            told.setdefault("decided" if row.verdict in ("faster", "slower") else row.verdict, []).append(row)
+    known = sorted(told.get("decided", []), key=lambda row: -row.ratio)
+    same = 100 * analysis.results.config.same_within
+    parts = []
+    if known:
+        parts.append(f"{words.start} {_shares(known, words.whose)}")
+    if alike := told.get("same", []):
+        parts.append(f"{'as soon' if known else words.alike} (within {same:g} %) on {_places(alike)}")
+    if within := told.get("unresolved", []):
+        start = "" if parts else f"{words.start} {_range(within)} of {words.whose}: "
+        parts.append(f"{start}not separated on {_places(within)}{_repeats(within, len(rows), analysis)}")
+    parts += _unreached(compared, value, over)
+    for why, own in rows[rows.no_ratio != ""].groupby("no_ratio", sort=False):
+        parts.append(f"no ratio on {_places(list(own.itertuples()))} ({why})")
+    return "; ".join(parts) + "."
+
+
+def _shares(rows: Sequence[Any], whose: str) -> str:
+    """`0.38 (0.36 to 0.41) of random's time on cornell_box, 0.5 (0.4 to 0.6) on gears`."""
+    if len(rows) > MOST_PLACES:
+        least, most = ((_share(row), _place(row)) for row in (rows[0], rows[-1]))
+        return f"{least[0]} of {whose} on {least[1]} to {most[0]} on {most[1]}, {len(rows)} comparisons in all"
+    first, *rest = [(f"{_share(row)} ({_interval(row)})", _place(row)) for row in rows]
+    return ", ".join([f"{first[0]} of {whose} on {first[1]}", *(f"{share} on {place}" for share, place in rest)])
+
+
+def _share(row: Any) -> str:
+    return number_text(1 / row.ratio)
+
+
+def _interval(row: Any) -> str:
+    low = 0.0 if math.isinf(row.ratio_high) else 1 / row.ratio_high
+    return f"{number_text(low)} to {number_text(1 / row.ratio_low) if row.ratio_low > 0 else 'any'}"
+
+
+def _range(rows: Sequence[Any]) -> str:
+    """The interval of one row; of several rows from the lowest end to the highest."""
+    lows = [0.0 if math.isinf(row.ratio_high) else 1 / row.ratio_high for row in rows]
+    highs = [1 / row.ratio_low if row.ratio_low > 0 else math.inf for row in rows]
+    if any(map(math.isnan, [*lows, *highs])):
+        return number_text(1 / rows[0].ratio)
+    return f"{number_text(min(lows))} to {number_text(max(highs))}"
+
+
+def _place(row: Any) -> str:
+    return f"{row.scene} ({row.settings})" if row.settings else row.scene
+
+
+def _places(rows: Sequence[Any]) -> str:
+    names = [_place(row) for row in rows]
+    if len(names) > MOST_PLACES:
+        return f"{len(names)} ({', '.join(names[:MOST_PLACES])}, ...)"
+    return " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else names[0]
+
+
+def _unreached(rows: Sequence[Any], value: str, over: str) -> Iterator[str]:
+    """Who did not get there, of ratios that are bounds or unknown."""
+    cases: tuple[tuple[str, Callable[[float], bool]], ...] = (
+        (f"{over} did not reach it", math.isinf),
+        (f"{value} did not reach it", lambda ratio: ratio == 0),
+        ("neither reached it", math.isnan),
+    )
+    for words, holds in cases:
+        if own := [row for row in rows if holds(row.ratio)]:
+            yield f"{words} on {_places(own)}"
+
+
+# --- how many repeats ----------------------------------------------------------------------------------------------
+
+
+def repeats_to_separate(row: Any, family: int, same_within: float) -> float:
+    """About how many repeats a ratio takes to be faster or slower in a family of so many, or the same, if its mean and spread
+    stay as they are: the interval shrinks with the root of their number. NaN without an interval, and where that is narrow
+    enough already: then something else than too few repeats stands in the way."""
+    if not 0 < row.ratio_low < row.ratio_high < math.inf:
+        return math.nan
+    half = math.log(row.ratio_high / row.ratio_low) / 2
+    distance, margin = abs(math.log(row.ratio)), math.log1p(same_within)
+    wider, narrower = (float(ndtri(1 - level / 2) / ndtri(1 - ALPHA / 2)) for level in (ALPHA / max(1, family), 2 * ALPHA))
+    apart = half * wider / distance if distance > 0 else math.inf
+    alike = half * narrower / (margin - distance) if margin > distance else math.inf
+    shrink = min(apart, alike)
+    return math.ceil(row.blocks * shrink**2) if shrink > 1 else math.nan
+
+
+def _repeats(rows: Sequence[Any], family: int, analysis: Analysis) -> str:
+    """` (some 12 repeats would separate them)`."""
+    if min(row.blocks for row in rows) < FEWEST_BLOCKS:
+        return f" (fewer than {FEWEST_BLOCKS} repeats: no verdict is given)"
+    found = [repeats_to_separate(row, family, analysis.results.config.same_within) for row in rows]
+    known = sorted(number for number in found if not math.isnan(number))
+    if not known:
+        return ""
+    if known[0] > MOST_REPEATS:
+        return f" (more than {MOST_REPEATS} repeats would be needed)"
+    ends = [f"{number:.0f}" if number <= MOST_REPEATS else f"more than {MOST_REPEATS}" for number in (known[0], known[-1])]
+    return f" (some {' to '.join(dict.fromkeys(ends))} repeats would tell)"
+
+
+# --- axes without a ratio ------------------------------------------------------------------------------------------
+
+
+def _without_ratio(analysis: Analysis, told: set[str]) -> Iterator[Sentence]:
+    """Of settings that vary in a race without a ratio: in what else contestants differ."""
+    baselines = Baselines(analysis.results)
+    nearest: dict[str, list[str]] = {}
+    for group in ranked_together(analysis.verdicts).values():
+        racing = [verdict.contestant for verdict in group]
+        for place, one in enumerate(racing):
+            for other in racing[:place]:
+                between = baselines.factors(one, other)
+                for axis in between:
+                    if axis in SETTINGS and axis not in told:
+                        nearest[axis] = min(nearest.get(axis, between), between, key=len)
+    for axis, between in nearest.items():
+        also = SEVERAL.join(name for name in between if name != axis)
+        yield Sentence(axis, f"no ratio of {axis} alone: contestants that differ in it differ in {also} too.")

@@ -1,0 +1,188 @@
+"""Ratios along each axis and of pairs, in results of known truth, and the sentences and tables that tell them."""
+
+import math
+from types import SimpleNamespace
+
+import pytest
+
+from harness.analysis import analyse
+from harness.analysis.by_axis import OTHER_REFERENCE
+from harness.report.html.axes import axis_tables
+from harness.report.sentences import repeats_to_separate, sentences, sentences_text
+from harness.report.tables import all_tables
+from harness.report.tables.model import csv_text, latex_text, markdown_text
+from tests.harness.test_races import by_light, contestant, results, twins
+
+TO = "time to 0.01"
+
+
+def along(analysis, axis, measure=TO):
+    """(value, over, scene, settings) -> row of the axis."""
+    found = analysis.by_axis
+    found = found[(found.axis == axis) & (found.measure == measure)]
+    return {(row.value, row.over, row.scene, row.settings): row for row in found.itertuples()}
+
+
+def lines(analysis, axis):
+    return [each.text for each in sentences(analysis) if each.axis == axis]
+
+
+def samplers(tmp_path, noise=0.001, **more):
+    """sobol is twice as fast as random on two scenes, and as fast on a third."""
+    made = []
+    for scene, seconds in {"hall": 0.005, "yard": 0.005, "attic": 0.01}.items():
+        for engine in ("numba", "embree"):
+            made += twins(0.01, scene=scene, engine=engine, noise=noise, change=patterned)
+            made += contestant(seconds, scene=scene, engine=engine, sampler="sobol", noise=noise, change=patterned)
+    written = [
+        {"scene": "cornell_box", "engine": engine, "sampler": sampler, "accelerator": "bvh"}
+        for engine in ("numba", "embree")
+        for sampler in ("random", "sobol")
+    ]
+    return analyse(results(tmp_path, made, config={"include": written}, **more))
+
+
+def patterned(cell):
+    """All curves are read alike."""
+    cell["smooth_sampler"] = False
+
+
+def test_each_value_is_compared_with_the_first_where_all_else_is_equal(tmp_path):
+    analysis = samplers(tmp_path)
+    of_samplers, of_engines = along(analysis, "sampler"), along(analysis, "engine")
+    places = [(scene, engine) for scene in ("hall", "yard", "attic") for engine in ("numba", "embree")]
+    assert {key[2:] for key in of_samplers} == set(places) and {key[:2] for key in of_samplers} == {("sobol", "random")}
+    assert {key[:2] for key in of_engines} == {("embree", "numba")} and len(of_engines) == 6
+    for (_, _, scene, _), row in of_samplers.items():
+        assert row.ratio == pytest.approx(1 if scene == "attic" else 2, rel=0.02)
+        assert row.verdict == ("same" if scene == "attic" else "faster")
+        assert "A/A" not in row.contestant + row.baseline
+    assert analysis.by_axis.groupby(["axis", "measure"]).race.nunique().eq(1).all(), "one family an axis and measure"
+
+
+def test_an_option_of_a_choice_is_an_axis(tmp_path):
+    analysis = analyse(results(tmp_path, by_light("bvh", 0.02), by_light("power", 0.01)))
+    ((key, row),) = along(analysis, "light_sampler").items()
+    assert key[:2] == ("power", "bvh") and row.ratio == pytest.approx(2, rel=0.05)
+    assert set(analysis.by_axis.axis) == {"light_sampler"}
+
+
+def test_images_of_different_references_are_compared_by_their_samples_alone(tmp_path):
+    def whitted(cell):
+        cell["cell_id"] += "whitted"
+        cell["shader"] = {"name": "whitted", "max_depth": 6, "ambient": 0.0}
+
+    analysis = analyse(results(tmp_path, twins(), contestant(0.005, change=whitted)))
+    (per_sample,) = along(analysis, "shader", "seconds per sample").values()
+    (to_target,) = along(analysis, "shader").values()
+    assert per_sample.ratio in (pytest.approx(2, rel=0.05), pytest.approx(0.5, rel=0.05))
+    assert (to_target.no_ratio, to_target.verdict) == (OTHER_REFERENCE, "") and math.isnan(to_target.ratio)
+    (line,) = lines(analysis, "shader")
+    assert line.startswith("a sample of ") and "time on hall" in line
+
+
+def test_a_pair_of_the_config_is_a_further_ratio_unless_it_is_known(tmp_path):
+    made = contestant(0.2, engine="numpy"), twins(), contestant(0.005, engine="embree", threads=2, precision="float32")
+    pairs = [
+        {"contestant": {"engine": "embree", "threads": {"ge": 2}}, "baseline": "numba"},
+        {"contestant": "numba", "baseline": "numpy"},
+    ]
+    analysis = analyse(results(tmp_path, *made, config={"pairs": pairs}))
+    found = analysis.by_axis[(analysis.by_axis.measure == TO) & analysis.by_axis.axis.str.startswith("pair")]
+    assert found.axis.tolist() == ["pair (engine and precision and threads)"]
+    assert found.ratio.item() == pytest.approx(2, rel=0.05) and found.baseline.item() == "numba float64 1 thread"
+    race = analysis.comparisons
+    assert set(race[(race.measure == TO) & (race.no_ratio == "") & (race.factor != "A/A")].baseline) == {
+        "numpy float64 1 thread"
+    }
+
+
+def test_a_flagged_value_has_no_ratio_and_says_so(tmp_path):
+    def bad(cell):
+        cell["counters"] = {"bad_samples": 3.0}
+
+    analysis = analyse(results(tmp_path, twins(), contestant(0.005, sampler="sobol", change=bad)))
+    (row,) = along(analysis, "sampler").values()
+    assert row.verdict == "" and math.isnan(row.ratio) and "flagged, so not ranked" in row.no_ratio
+    (line,) = lines(analysis, "sampler")
+    assert "not compared" in line and "flagged, so not ranked" in line
+
+
+# In words
+
+
+def test_a_sentence_tells_each_scene_and_what_is_not_separated(tmp_path):
+    (of_engine,) = lines(samplers(tmp_path), "engine")
+    assert of_engine.startswith("embree reaches 0.01 ") and "numba" in of_engine and of_engine.endswith(".")
+    embree = {"engine": "embree", "accelerator": "embree"}
+    made = (
+        twins(),
+        contestant(0.005, **embree),
+        twins(scene="yard", noise=0.1),
+        twins(0.0104, scene="yard", noise=0.1, **embree),
+    )
+    (line,) = lines(analyse(results(tmp_path, *made, config={"baseline": "numba"})), "engine")
+    assert line.startswith(("embree reaches 0.01 in 0.4", "embree reaches 0.01 in 0.5")), line
+    assert " of numba's time on hall; not separated on yard (some " in line and line.endswith(" repeats would tell).")
+
+
+def test_a_sentence_says_who_did_not_get_there(tmp_path):
+    def slow(cell):
+        cell["points"] = cell["points"][:4]
+
+    made = twins(), contestant(0.01, sampler="sobol", change=slow), twins(scene="yard")
+    other = contestant(0.005, sampler="sobol", scene="yard")
+    (line,) = lines(analyse(results(tmp_path, *made, other)), "sampler")
+    assert "time on yard; sobol did not reach it on hall" in line
+
+
+def test_axes_that_vary_together_are_told(tmp_path):
+    analysis = analyse(results(tmp_path, twins(), contestant(0.005, engine="embree", threads=2)))
+    assert analysis.by_axis.empty
+    (line,) = lines(analysis, "engine and threads")
+    assert line.startswith("embree 2 threads reaches 0.01 in ") and "of numba 1 thread's time on hall" in line
+    assert lines(analysis, "threads") == ["no ratio of threads alone: contestants that differ in it differ in engine too."]
+    assert "threads: no ratio of threads alone" in sentences_text(analysis)
+
+
+def test_nothing_is_said_where_nothing_is_compared(tmp_path):
+    assert sentences_text(analyse(results(tmp_path, contestant(0.01)))) == ""
+
+
+@pytest.mark.parametrize(
+    ("ratio", "half", "expected"), [(1.2, 0.3, 14), (1.02, 0.3, 378), (1.0, 0.1, 15)], ids=["apart", "same within 5 %", "equal"]
+)
+def test_the_repeats_that_separate_go_with_the_square_of_the_interval(ratio, half, expected):
+    """Of one ratio from 5 blocks: the interval has to shrink to the distance from 1, or from the margin of the same."""
+    row = SimpleNamespace(ratio=ratio, ratio_low=ratio * math.exp(-half), ratio_high=ratio * math.exp(half), blocks=5)
+    found = repeats_to_separate(row, 1, 0.05)
+    assert found == expected
+    assert repeats_to_separate(row, 10, 0.05) >= found
+
+
+# In tables
+
+
+def test_the_table_has_every_format_and_a_reason_for_every_blank(tmp_path):
+    def slow(cell):
+        cell["points"] = cell["points"][:4]
+
+    made = twins(change=slow), contestant(0.01, sampler="sobol", change=slow)
+    analysis = analyse(results(tmp_path, *made, contestant(0.001, sampler="halton", change=slow)))
+    tables = {table.name: table for table in all_tables(analysis)}
+    table = tables["by_axis"]
+    assert len(csv_text(table).splitlines()) == 1 + len(table.rows) == 1 + 2 * 3
+    assert "by-axis" in latex_text(table) and "### By axis" in markdown_text(table)
+    for each in (table, tables["speedups"], tables["time_to_quality"]):
+        for row in each.rows:
+            name = "ratio" if each is table else "speedup"
+            assert not math.isnan(row[name].value) or row["blank"][name], (each.name, row)
+    assert any(row["no_ratio"] for row in table.rows)
+
+
+def test_the_report_has_scenes_as_rows_and_targets_as_columns(tmp_path):
+    of = {table.axis: table for table in axis_tables(samplers(tmp_path))}
+    ((words, rows),) = of["sampler"].groups
+    assert words == "sobol over random" and of["sampler"].measures == ["seconds per sample", "time to 0.1", TO]
+    assert [(row.scene, row.settings) for row in rows][:3] == [("hall", "numba"), ("hall", "embree"), ("yard", "numba")]
+    assert all(len(row.cells) == 3 and row.cells[0].title for row in rows)
