@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
@@ -14,10 +15,11 @@ from harness.analysis import Analysis
 from harness.analysis.columns import estimate_of
 from harness.metrics import as_error
 from harness.plan.cells import Cell, Plan
+from harness.report import answer_text
 from harness.report.plots.panels import panels
 from harness.report.tables.model import estimate_text, number_text
-from harness.report.winners import standing, winners_text
-from harness.run.progress import COLOURS, Terminal
+from harness.report.winners import standing
+from harness.run.progress import Terminal
 from harness.settings import CellSettings
 from harness.store import records
 
@@ -73,8 +75,8 @@ class RaceTerminal(Terminal):
         if math.isnan(self._first):
             self._first = error
         share = _share(self._first, error, self._target)
-        texts = {"spp": f"{spp}", "error": f"{error:.2g}", "seconds": f"{seconds:.2f} s"}
-        self._lines.update(self._tasks[self._names[self._now.cell_id]], completed=share, **texts)
+        shown: Any = {"spp": f"{spp}", "error": f"{error:.2g}", "seconds": f"{seconds:.2f} s"}
+        self._lines.update(self._tasks[self._names[self._now.cell_id]], completed=share, **shown)
         self._lines.refresh()
 
     def finished(self, cell: Cell, event: records.AnyCell) -> None:
@@ -132,10 +134,4 @@ def print_answer(console: Console, analysis: Analysis) -> None:
                 )
                 table.add_row(*cells, style="bold" if row.possible_winner else None)
         console.print(table)
-    console.print(winners_text(analysis), end="", markup=False, soft_wrap=not console.is_terminal)
-    contended = sum(verdict.contestant.done and "contended" in verdict.flags for verdict in analysis.verdicts)
-    if contended:
-        console.print(
-            f"{contended} contestants were disturbed by other processes: on an idle machine times are exacter.",
-            style=COLOURS["timeout"],
-        )
+    console.print(answer_text(analysis), end="", markup=False, soft_wrap=not console.is_terminal)

@@ -39,3 +39,8 @@ def write_derived(folder: str | Path, plugins: Sequence[Plugin] = (), analysis: 
     path = results.folder / "report.html"
     write_text(path, report_html(analysis, [*tables, *made.tables], [*plots, *made.pictures], made.problems))
     return path
+
+
+def answer_text(analysis: Analysis) -> str:
+    """What a run ends with: the fastest to each target, a sentence for each axis, and rays."""
+    return winners_text(analysis) + sentences_text(analysis) + rays_text(analysis.results)

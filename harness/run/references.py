@@ -209,7 +209,7 @@ def _save(folder: Path, wanted: PlannedReference, film: Film, seconds: float, co
         scene_hash=wanted.scene_hash,
         spec=ReferenceSpec(**wanted.spec),
         done=film.spp,
-        complete=complete,
+        complete=complete or (wanted.until is None and film.spp == wanted.spec["replicates"]),
         file=name,
         sha256=checksum(folder / name),
         seconds=seconds,

@@ -74,7 +74,9 @@ def test_every_verb_explains_itself_and_flags_have_no_type(verb):
 
 def test_help_has_groups_and_the_version_is_the_package_s():
     said = ended(raybench("-h", COLUMNS="80"), 0)
-    assert all(f"─ {group} ─" in said for group in ("Experiments", "Images", "Results")) and "─ Commands ─" not in said
+    assert (
+        all(f"─ {group} ─" in said for group in ("Experiments", "Images and scenes", "Results")) and "─ Commands ─" not in said
+    )
     assert ended(raybench("--version"), 0) == f"raybench {version('raybench')}\n"
 
 

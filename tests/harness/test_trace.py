@@ -349,11 +349,11 @@ def test_a_cell_s_command_traces_it_again(tmp_path, monkeypatch):
     path = sweeping.write(tmp_path, EXPERIMENT.replace("scene: cornell_box", scene).replace("[camera, shadow]", "[camera]"))
     (cell,) = planner.make(config.load(path, ["budget.max_time=123456.75ms", "aa_twin=false"])).cells
     words = shlex.split(cell.command(1))
-    assert words[words.index("--max-time") + 1] == "123.45675s"
-    monkeypatch.setattr(experiments, "run", lambda file, *_: found.append(file) or 2)
+    assert words[words.index("--time") + 1] == "123.45675s"
+    monkeypatch.setattr(experiments, "run", lambda file, folder, overrides, *_: found.append((file, overrides)) or 2)
     found = []
     CliRunner().invoke(app, words[1:], catch_exceptions=False)
-    (again,) = planner.make(config.load(found[0])).cells
+    (again,) = planner.make(config.load(*found[0])).cells
     assert again.cell_id == cell.cell_id
 
 

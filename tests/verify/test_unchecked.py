@@ -101,10 +101,10 @@ def test_one_engine_of_several_that_was_not_checked_is_named_and_the_results_of_
 
 def test_a_library_that_crashes_at_the_end_of_its_process_changes_no_result(tmp_path):
     """The command's own process never loads it."""
-    same = ("--engines", "failing_engines:LateToCrash,numpy", "--replicates", "4", "--spp", "2", "--size", "16x16")
+    same = ("--engine", "numpy", "--against", "failing_engines:LateToCrash", "--replicates", "4", "--spp", "2")
     for command in (
         ("verify", "--quick", "--engine", "failing_engines:LateToCrash", "--case", "T6"),
-        ("equivalence", "cornell_box", *same, "--margin", "0.5"),
+        ("verify", *same, "--size", "16x16", "--margin", "0.5"),
     ):
         done = raybench(*command, cwd=tmp_path)
         lines = [line for line in done.stderr.splitlines() if not line.startswith("verify [")]
@@ -123,7 +123,7 @@ def test_a_library_that_crashes_at_the_end_of_its_process_changes_no_result(tmp_
 )
 def test_an_engine_that_makes_no_images_is_one_line_and_no_verdict(tmp_path, engine, said):
     words = ("--replicates", "2", "--spp", "1", "--size", "8x8")
-    done = raybench("equivalence", "cornell_box", "--engines", f"numpy,{engine}", *words, cwd=tmp_path)
+    done = raybench("verify", "--engine", engine, "--against", "numpy", *words, cwd=tmp_path)
     assert (done.returncode, done.stdout) == (2, "") and len(done.stderr.splitlines()) == 1, done.stderr
     assert done.stderr.startswith(f"raybench: {said}"), done.stderr
 
@@ -135,7 +135,7 @@ def test_neither_command_loads_an_engine_into_its_own_process(tmp_path):
         "except SystemExit as end:\n"
         "    print(end.code, [m for m in ('numba', 'embreex', 'engines.numpy_reference') if m in sys.modules])"
     )
-    words = ["equivalence", "cornell_box", "--engines", "numpy,numpy", "--replicates", "2", "--spp", "1", "--size", "8x8"]
+    words = ["verify", "--engine", "numpy", "--against", "numpy", "--replicates", "2", "--spp", "1", "--size", "8x8"]
     for arguments in (words, ["verify", "--engine", "numpy", "--quick", "--case", "T6"]):
         command = [sys.executable, "-c", script, *arguments]
         environment = {**os.environ, "PYTHONPATH": str(HERE.parents[1])}
