@@ -59,7 +59,7 @@ def simulated(
     against_first = [(row, 0) for row in range(1, contestants)]
     said, some, winners, covered, found = 0, 0, 0, 0, 0
     for run in range(runs):
-        pairs, judged = [], run % scenes
+        pairs, races, judged = [], {}, run % scenes
         for scene, of in enumerate(originals):
             if not of and scene != judged:
                 continue
@@ -68,9 +68,9 @@ def simulated(
             logs += rng.normal(0, noise, (rows, blocks))
             ranked = np.arange(rows) < contestants
             pairs += twin_pairs(logs, logs, [(row, contestants + at) for at, row in enumerate(of)], ranked=ranked)
-            if scene == judged:
-                times, racing = logs, ranked
+            races[scene] = logs, ranked
         spread = persistent_spread(pairs)
+        times, racing = races[judged]
         for factor in (1.0, SLOWER):
             times[1] += math.log(factor)
             judgement = race(times, times, against_first, spread, ranked=racing)

@@ -122,11 +122,12 @@ class _Pairs(NamedTuple):
 
     def spread_by(self, spread: PersistentSpread) -> _Pairs:
         """With the variance of the spread added to that of the blocks, and the degrees of freedom of the sum (Satterthwaite
-        1946); as they are where the spread is unknown."""
+        1946); as they are where the spread is unknown. Of the spread's own variance, (V + noise)^2 / m, only what V adds to
+        that of noise alone counts: at V = 0 the blocks decide."""
         if math.isnan(spread.variance):
             return self
         total = self.error**2 + spread.variance
-        uncertain = spread.variance * (spread.variance + spread.noise) / max(spread.twins, 1)
+        uncertain = spread.variance * (spread.variance + 2 * spread.noise) / max(spread.twins, 1)
         return self._replace(error=np.sqrt(total), freedom=total**2 / (self.error**4 / self.freedom + uncertain))
 
 

@@ -114,7 +114,7 @@ def compose(analyses: Sequence[Analysis], sections: Sequence[Section]) -> Chapte
         check(facts)
     error = facts.error("mobilert_cornell", 16).value
     paths = facts.build("gears").value * facts.speed("gears").value
-    functions = ("place", "primitives", "blocks", "cells", "contended", "noise_floor", "build", "error", "tail_share")
+    functions = ("place", "primitives", "blocks", "cells", "contended", "persistent_spread", "build", "error", "tail_share")
     values = {
         **{name: getattr(facts, name) for name in (*functions, "speedup", "error_ratio", "time_ratio")},
         **{"MOBILERT": MOBILERT, "LARGE": LARGE, "FIVE": FIVE, "THREADS": THREADS},

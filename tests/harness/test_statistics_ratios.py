@@ -200,7 +200,7 @@ def test_twins_differ_by_the_mean_of_the_blocks_that_both_have_with_the_races_va
 def test_intervals_hold_the_sum_of_both_variances_with_satterthwaites_degrees_of_freedom(variance, twins, noise):
     logs = np.array([[0.0, 0.0, 0.0, 0.0], [0.1, 0.3, 0.2, 0.4]])
     square, blocks = logs[1].var(ddof=1) / 4, 3
-    freedom = (square + variance) ** 2 / (square**2 / blocks + variance * (variance + noise) / twins)
+    freedom = (square + variance) ** 2 / (square**2 / blocks + variance * (variance + 2 * noise) / twins)
     half = stdtrit(freedom, 0.975) * math.sqrt(square + variance)
     ratio = exact(logs, PersistentSpread(variance, twins, noise)).ratios[0]
     assert math.log(ratio.low) == pytest.approx(-0.25 - half) and math.log(ratio.high) == pytest.approx(-0.25 + half)
