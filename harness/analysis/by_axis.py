@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
+import numpy as np
 import pandas as pd
 
 from engines.choices import Choice
 from harness.analysis.baselines import SEVERAL, Baselines, Further
-from harness.analysis.comparisons import PAIRS, Spreads, comparisons, why_no_ratio
+from harness.analysis.comparisons import PAIRS, RATIOS, Spreads, comparisons, why_no_ratio
 from harness.analysis.model import PER_SAMPLE, Frame, Verdict, group_of, raced_together
 from harness.store.results import AXES, CHOICES, Contestant, Results, brief_choice, choices_of, name_words, scope
 
@@ -39,47 +41,58 @@ def by_axis(results: Results, verdicts: Sequence[Verdict], crossings: Frame, spr
     measure, on all scenes of a machine, are one race: their verdicts hold together (Holm). The axis of a pair of the config is
     `pair`, with all settings in which its sides differ, its values are the names of the contestants.
     """
-    judged = {verdict.contestant: verdict for verdict in verdicts}
-    found = list(_further(results, verdicts))
+    baselines, judged = Baselines(results), {verdict.contestant: verdict for verdict in verdicts}
+    found = list(_further(baselines, verdicts))
     if not found:
-        return pd.DataFrame(columns=[*PAIRS, "measure", "ratio", "ratio_low", "ratio_high", "blocks", "verdict", *LABELS])
-    labels = _labels(results, found)
-    races: dict[tuple[object, ...], list[int]] = {}
-    for index, each in enumerate(found):
-        same_image = group_of(each.contestant) == group_of(each.baseline)
-        races.setdefault((each.axis, each.pair, each.contestant.settings.machine, same_image), []).append(index)
-    rows: list[tuple[object, ...]] = []
-    said: dict[tuple[int, str, str], Labels] = {}
-    per_sample_only = set()
-    for number, ((*_, same_image), members) in enumerate(races.items()):
-        if not same_image:
-            per_sample_only.add(number)
-        compared = {found[index].contestant: index for index in members}
-        for index in members:
-            compared.setdefault(found[index].baseline, -1)
-        for contestant, index in compared.items():
-            ranked, key = not judged[contestant].disqualified, (number, contestant.settings.scene, contestant.name)
-            if index < 0:
-                rows.append((*key, "", "", "the first value", ranked))
-                continue
-            baseline = found[index].baseline
-            said[key] = labels[index]
-            rows.append((*key, baseline.name, labels[index].axis, why_no_ratio(judged[contestant], judged[baseline]), ranked))
+        return pd.DataFrame(columns=[*PAIRS, "measure", *RATIOS, *LABELS])
+    labels = dict(zip(found, _labels(results, baselines, found), strict=True))
+    races = _races(found)
+    rows = [row for number, members in enumerate(races) for row in _pairs(number, members, judged)]
     made = comparisons(crossings, pd.DataFrame(rows, columns=PAIRS), spreads, results.config.same_within)
     made = made[made.baseline != ""]
-    keys = zip(made.race, made.scene, made.contestant, strict=True)
-    words = pd.DataFrame([said[key] for key in keys], columns=LABELS, index=made.index)
-    made = pd.concat([made, words], axis=1)
-    other = made.race.isin(per_sample_only) & (made.measure != PER_SAMPLE)
+    told = {
+        (number, each.contestant.settings.scene, each.contestant.name): each
+        for number, members in enumerate(races)
+        for each in members
+    }
+    own = [told[key] for key in zip(made.race, made.scene, made.contestant, strict=True)]
+    made = pd.concat([made, pd.DataFrame([labels[each] for each in own], columns=LABELS, index=made.index)], axis=1)
+    other = np.array([not _same_image(each) for each in own]) & (made.measure != PER_SAMPLE)
     made.loc[other, "no_ratio"] = made.no_ratio.where(made.no_ratio != "", OTHER_REFERENCE)
-    made.loc[other, ["ratio", "ratio_low", "ratio_high"]] = float("nan")
+    made.loc[other, ["ratio", "ratio_low", "ratio_high"]] = math.nan
     made.loc[other, "verdict"] = ""
     return made.reset_index(drop=True)
 
 
-def _further(results: Results, verdicts: Sequence[Verdict]) -> Iterator[Further]:
+def _races(found: Sequence[Further]) -> list[list[Further]]:
+    """Those of each axis, or pair of the config, on a machine; those whose sides have different references apart, for of these
+    seconds per sample are compared alone."""
+    races: dict[tuple[object, ...], list[Further]] = {}
+    for each in found:
+        key = each.axis, each.pair, each.contestant.settings.machine, _same_image(each)
+        races.setdefault(key, []).append(each)
+    return list(races.values())
+
+
+def _same_image(each: Further) -> bool:
+    return group_of(each.contestant) == group_of(each.baseline)
+
+
+def _pairs(number: int, members: Sequence[Further], judged: Mapping[Contestant, Verdict]) -> Iterator[tuple[object, ...]]:
+    """The rows of a race as `comparisons.pairs` has them."""
+    compared = {each.contestant: each for each in members}
+    for contestant in dict.fromkeys([*compared, *(each.baseline for each in members)]):
+        key, ranked = (number, contestant.settings.scene, contestant.name), not judged[contestant].disqualified
+        each = compared.get(contestant)
+        if each is None:
+            yield *key, "", "", "the first value", ranked
+        else:
+            why_not = why_no_ratio(judged[contestant], judged[each.baseline])
+            yield *key, each.baseline.name, each.axis, why_not, ranked
+
+
+def _further(baselines: Baselines, verdicts: Sequence[Verdict]) -> Iterator[Further]:
     """Along the axes in the order of `AXES`, options behind their choice; then the config's pairs, as far as they are new."""
-    baselines = Baselines(results)
     groups: dict[tuple[object, ...], list[Contestant]] = {}
     for verdict in verdicts:
         settings = verdict.contestant.settings
@@ -95,19 +108,24 @@ def _further(results: Results, verdicts: Sequence[Verdict]) -> Iterator[Further]
         yield from (each for each in baselines.of_pairs(members) if frozenset(each[:2]) not in known)
 
 
-def _labels(results: Results, found: Sequence[Further]) -> list[Labels]:
+def _labels(results: Results, baselines: Baselines, found: Sequence[Further]) -> list[Labels]:
     """Those of each ratio. Of the settings that two have in common those are told that vary along their axis."""
-    factors, choices = Baselines(results).factors, choices_of([one for one in results.contestants if one.done])
+    factors, choices = baselines.factors, choices_of([one for one in results.contestants if one.done])
     shared = [_shared(each, choices) if each.axis else {} for each in found]
-    varied: dict[tuple[str, str], set[str]] = {}
+    varied: dict[tuple[str, str, str], set[str]] = {}
+
+    def place(each: Further, key: str) -> tuple[str, str, str]:
+        """Among whom a setting must vary to be told: sizes in a scene, others along the axis."""
+        return each.axis, key, each.contestant.settings.scene if key == "size" else ""
+
     for each, words in zip(found, shared, strict=True):
         for key, word in words.items():
-            varied.setdefault((each.axis, key), set()).add(word)
+            varied.setdefault(place(each, key), set()).add(word)
     made = []
     for each, words in zip(found, shared, strict=True):
         one, other = each.contestant, each.baseline
         if each.axis:
-            settings = " ".join(word for key, word in words.items() if word and len(varied[each.axis, key]) > 1)
+            settings = " ".join(word for key, word in words.items() if word and len(varied[place(each, key)]) > 1)
             made.append(
                 Labels(each.axis, _value(each.axis, one, other, choices), _value(each.axis, other, one, choices), settings)
             )

@@ -101,7 +101,8 @@ def _matching(given: Filter, runs: Sequence[SimpleNamespace], where: str) -> lis
     if found := [each for each in runs if given.matches(each)]:
         return found
     for key, condition in given.conditions.items():
-        values = list(dict.fromkeys(_words(getattr(each, key)) for each in runs if hasattr(each, key)))
+        named = isinstance(given.written[key], str)
+        values = list(dict.fromkeys(_words(getattr(each, key), named) for each in runs if hasattr(each, key)))
         if not any(hasattr(each, key) and condition(getattr(each, key)) for each in runs):
             value = given.written[key]
             near = suggestion(value, values) if isinstance(value, str) else f"known: {', '.join(values) or 'none'}"
@@ -116,10 +117,11 @@ def _inner(given: Filter) -> str:
     return "" if key == "engine" else f".{key}"
 
 
-def _words(value: Any) -> str:
+def _words(value: Any, named: bool) -> str:
+    """A setting as a message prints it; where a name was given, choices without their options."""
     if isinstance(value, tuple):
         return "x".join(map(str, value))
-    return value.name if isinstance(value, SceneFile) else str(value)
+    return value.name if isinstance(value, SceneFile) or (named and isinstance(value, Choice)) else str(value)
 
 
 def _one_division(experiment: Experiment, found: Iterable[tuple[Cell, Any]]) -> None:

@@ -112,9 +112,18 @@ def _of_target(analysis: Analysis, words: _Words, value: str, over: str, rows: F
         start = "" if parts else f"{words.start} {_range(within)} of {words.whose}: "
         parts.append(f"{start}not separated on {_places(within)}{_repeats(within, len(rows), analysis)}")
     parts += _unreached(compared, value, over)
-    for why, own in rows[rows.no_ratio != ""].groupby("no_ratio", sort=False):
-        parts.append(f"no ratio on {_places(list(own.itertuples()))} ({why})")
+    parts += _not_compared([row for row in rows.itertuples() if row.no_ratio])
     return "; ".join(parts) + "."
+
+
+def _not_compared(rows: Sequence[Any]) -> Iterator[str]:
+    """Where there is no ratio, by reason; what differs behind a colon is left to the table."""
+    by_reason: dict[str, list[Any]] = {}
+    for row in rows:
+        by_reason.setdefault(row.no_ratio.partition(":")[0], []).append(row)
+    for short, own in by_reason.items():
+        reasons = {row.no_ratio for row in own}
+        yield f"no ratio on {_places(own)} ({reasons.pop() if len(reasons) == 1 else short})"
 
 
 def _shares(rows: Sequence[Any], whose: str) -> str:
