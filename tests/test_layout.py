@@ -111,7 +111,7 @@ ALLOWED: dict[str, set[str]] = {
     "engines.peers.export": {*_BASE, "engines.image", "engines.peers.adapters", "engines.peers.mitsuba"},
     "engines.peers.function": {*_BASE, "engines.peers.adapters"},
     "engines.peers.luxcore": {*_BASE, "engines.peers.adapters"},
-    "engines.peers.mitsuba": {*_BASE, "engines.peers.adapters", "engines.temporary"},
+    "engines.peers.mitsuba": {*_BASE, "engines.imports", "engines.peers.adapters", "engines.source_files", "engines.temporary"},
     "engines.peers.open3d": _BASE,
     **{f"engines.{name}": {f"engines.peers.{name}"} for name in MOVED},
     "engines": {

@@ -67,5 +67,6 @@ def history(
         save(history_figure(table), out, "history", ["png"])
     bad = regressions(table)
     console.print(f"Written: {out / 'history.csv'}, history.md, history.png", soft_wrap=True)
-    console.print(f"{len(bad)} regressions at the last revision, {len(shown)} steps and flags in all.", soft_wrap=True)
+    steps = sum(row["verdict"] not in quiet for row in table.rows)
+    console.print(f"{len(bad)} regressions at the last revision, {steps} steps and flags in all.", soft_wrap=True)
     raise typer.Exit(1 if bad else 0)

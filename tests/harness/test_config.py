@@ -272,6 +272,7 @@ OTHER = """\
 raybench_experiment: 1
 name: 2024
 question: Which?
+revision: {numba: 3f2c, mitsuba*: 2024}
 matrix:
   scene: [cornell_box, {file: scenes/lantern.xml, parameters: {reflectance: 0.5}}]
   engine: [numba, 'mine:Engine', configs/renderers/raybench.yaml, {name: mitsuba, python: this}]

@@ -13,9 +13,9 @@ from typing import Any
 
 from engines.choices import Choice
 from engines.errors import ConfigError, Unsupported
+from engines.imports import imported
 from engines.interface import Settings
 from engines.peers.mitsuba.library import activate
-from engines.registry import load_attribute
 from engines.source_files import INSTALLED
 
 OWN = "plugin"
@@ -48,7 +48,8 @@ def register(names: tuple[str, ...], variant: str, threads: int) -> None:
         except ConfigError:
             raise
         except (Exception, SystemExit) as problem:
-            raise ConfigError(f"{OWN} {name}: fails with {variant}: {type(problem).__name__}: {problem}") from problem
+            message = f"{OWN} {name}: fails with {variant}: {type(problem).__name__}: {problem}"
+            raise ConfigError(message) from problem
         if (found := mi.variant()) != variant:
             activate(variant, threads)
             del _functions[variant, name]
@@ -58,7 +59,10 @@ def register(names: tuple[str, ...], variant: str, threads: int) -> None:
 def _imported(name: str) -> Callable[[], Any]:
     """The function; what its module has imported from folders of the user's is imported again for another variant."""
     before = set(sys.modules)
-    found = load_attribute(name)
+    try:
+        found = imported(name)
+    except (Exception, SystemExit) as error:
+        raise ConfigError(f"{OWN} {name}: cannot be imported: {error}") from error
     for module in set(sys.modules) - before:
         file = getattr(sys.modules[module], "__file__", None)
         if file and not INSTALLED & set(Path(file).parts):

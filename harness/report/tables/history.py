@@ -220,7 +220,8 @@ def _judged(step: Step, verdict: str, same_within: float, threshold: float | Non
 def _table(sessions: Sequence[Results], order: Mapping[str, str], threshold: float | None, same_within: float) -> Table:
     untested = f"{100 * same_within:g} %, or {100 * UNTESTED_THRESHOLD:g} % where times are not tested"
     limit = untested if threshold is None else f"{100 * threshold:g} %"
-    note = f"{len(sessions)} sessions of {len(order)} revisions; steps are ratios of seconds to those of the revision before."
+    count = f"{len(sessions)} session{'s' * (len(sessions) != 1)} of {len(order)} revision{'s' * (len(order) != 1)}"
+    note = f"{count}; steps are ratios of seconds to those of the revision before."
     return Table(
         "history",
         "Seconds to each target over revisions",
