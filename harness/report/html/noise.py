@@ -8,11 +8,12 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from markupsafe import Markup
+from markupsafe import Markup, escape
 from numpy.typing import NDArray
 
 from engines.image import png_bytes
 from harness.analysis import Analysis, Verdict
+from harness.analysis.axes import others
 from harness.analysis.equivalence import Replicates, common_spp, pictured_spp
 from harness.report.html.pictures import ranked
 from harness.report.plots.panels import Panel, panels
@@ -66,15 +67,20 @@ def noise_panels(analysis: Analysis) -> list[NoisePanel]:
 
 
 def _examined(panel: Panel, images: Replicates) -> list[_Found]:
+    """Contestants that differ in threads alone have the same images at equal samples: one of them is enough."""
     found: list[_Found] = []
+    seen: set[object] = set()
     for verdict in ranked(panel):
         if len(found) == MOST_CONTESTANTS:
             break
-        contestant = verdict.contestant
+        contestant, alike = verdict.contestant, others(verdict.contestant.settings, "threads")
+        if alike in seen:
+            continue
         spp = _samples(verdict)
         own, reference = list(images.of(contestant, spp).values()), images.reference(contestant)
         if len(own) < FEWEST_SEEDS or reference is None or own[0].shape != reference.mean.shape:
             continue
+        seen.add(alike)
         counts = pictured_spp(contestant.done, spp)
         at = f"{min(counts)} spp" if min(counts) == max(counts) else f"{min(counts)} to {max(counts)} spp"
         basis = f"{len(own)} seeds at {at}"
@@ -105,8 +111,8 @@ def _shown(found: _Found, brightest: float, ends: tuple[float, float]) -> NoiseO
         found.basis,
         _picture(_fitted(found.deviation) / (brightest or 1.0), "magma"),
         _picture(np.nan_to_num(found.welch.p, nan=1.0), "gray"),
-        _histogram(found.welch.p[np.isfinite(found.welch.p)]),
-        _curves(found.spectrum, ends),
+        _histogram(found.welch.p[np.isfinite(found.welch.p)], found.verdict.contestant.name),
+        _curves(found.spectrum, ends, found.verdict.contestant.name),
         not found.welch.uniformity.uniform,
         reading(found.welch, found.spectrum, found.verdict),
     )
@@ -162,7 +168,7 @@ def _picture(shares: Array, colours: str) -> str:
     return "data:image/png;base64," + base64.b64encode(png_bytes(bitmap)).decode()
 
 
-def _histogram(p: Array) -> Markup:
+def _histogram(p: Array, name: str) -> Markup:
     """Bars of the p values, with a line at the height that uniform ones have."""
     counts = np.histogram(p, BARS, (0.0, 1.0))[0] / max(p.size, 1)
     most = max(float(counts.max()), 2.0 / BARS)
@@ -174,10 +180,11 @@ def _histogram(p: Array) -> Markup:
     )
     level = HEIGHT * (1 - 1 / BARS / most)
     line = f'<line x1="0" x2="{WIDTH}" y1="{level:.1f}" y2="{level:.1f}"/>'
-    return _drawing(bars + line, "histogram", ("0", "p value", "1"))
+    words = f"Histogram of the p values of {name}: {_percent(float((p < 0.05).mean()) if p.size else 0.0)} are below 0.05"
+    return _drawing(bars + line, "histogram", words, ("0", "p value", "1"))
 
 
-def _curves(found: Spectrum, ends: tuple[float, float]) -> Markup:
+def _curves(found: Spectrum, ends: tuple[float, float], name: str) -> Markup:
     """Power over frequency on logarithmic axes: the range of seeds, the mean, and where it is clear what all have in common."""
     x = np.log(found.frequency)
     across = WIDTH * (x - x[0]) / ((x[-1] - x[0]) or 1.0)
@@ -195,13 +202,14 @@ def _curves(found: Spectrum, ends: tuple[float, float]) -> Markup:
     at, height = across[found.biased], up(found.common[found.biased])
     drawn += "".join(f'<circle cx="{a:.1f}" cy="{b:.1f}" r="3"/>' for a, b in zip(at, height, strict=True))
     first, last = (number_text(float(value)) for value in found.frequency[[0, -1]])
-    return _drawing(drawn, "spectrum", (first, "cycles per pixel", last))
+    words = f"Squared error of {name} over {first} to {last} cycles per pixel, mean and range of seeds"
+    return _drawing(drawn, "spectrum", words, (first, "cycles per pixel", last))
 
 
-def _drawing(inside: str, kind: str, labels: tuple[str, str, str]) -> Markup:
-    """An SVG with labels at the start, the middle and the end of its lower edge."""
+def _drawing(inside: str, kind: str, words: str, labels: tuple[str, str, str]) -> Markup:
+    """An SVG that shows what `words` say, with labels at the start, the middle and the end of its lower edge."""
     places = zip(labels, (0, WIDTH / 2, WIDTH), ("start", "middle", "end"), strict=True)
     texts = "".join(f'<text x="{x:g}" y="{HEIGHT + 12}" text-anchor="{anchor}">{text}</text>' for text, x, anchor in places)
     axis = f'<path d="M0 0V{HEIGHT}H{WIDTH}"/>'
     box = f'viewBox="-4 -4 {WIDTH + 8} {HEIGHT + 20}"'
-    return Markup(f'<svg class="{kind}" {box} role="img" aria-label="{kind}">{inside}{axis}{texts}</svg>')
+    return Markup(f'<svg class="{kind}" {box} role="img" aria-label="{escape(words)}">{inside}{axis}{texts}</svg>')
