@@ -10,7 +10,8 @@ def text() -> str:
     """A section a command."""
     group = typer.main.get_command(app)
     parts = [plain(group.help), plain(group.epilog)]
-    for name, command in group.commands.items():
+    shown = {name: command for name, command in group.commands.items() if not command.hidden}
+    for name, command in {**shown, "render dahlquist": group.commands["dahlquist"]}.items():
         arguments = [each for each in command.params if each.param_type_name == "argument"]
         options = [each for each in command.params if each.param_type_name == "option"]
         words = ["raybench", name, *map(_argument, arguments), *(["[OPTIONS]"] if options else [])]

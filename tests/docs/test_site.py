@@ -76,7 +76,7 @@ def test_the_site_needs_no_network(site):
 @pytest.mark.parametrize(
     ("page", "words"),
     [
-        ("reference/command_line", ("raybench equivalence", "--set KEY=VALUE", "Samples per pixel.")),
+        ("reference/command_line", ("raybench race", "--set KEY=VALUE", "Samples per pixel.")),
         ("reference/experiment", ("budget", "certify", "in [1, 1000]")),
         ("reference/scene", ("sphereflake", "tessellated_sphere", "two_sided", "degrees")),
         ("reference/names", ("path_tracer", "embreex_batch", "rr_depth", "leaf_size", "aces", "Cycles on the CPU")),

@@ -15,6 +15,7 @@ from tests.harness import sweeping
 from tests.needs import needs
 
 TWO = "fake_engines:Steady,fake_engines:Other"
+NOTHING_ALLOWED = (False, False, False)
 FAST = ("--time", "300ms", "--size", "12x8", "--set", "reference.engine=fake_engines:Steady", "--set", "images=last")
 
 
@@ -48,14 +49,14 @@ def test_a_cell_ends_at_half_of_the_smallest_target(tmp_path):
 
 @needs("mitsuba-llvm")
 def test_engines_of_several_lineages_race_in_the_open_division_with_the_samplers_they_have():
-    written, notes = race._by_images(["cornell_box"], {"engine": ["numba", "mitsuba"]}, [0.01], None, (False,) * 3)
+    written, notes = race._by_images(["cornell_box"], {"engine": ["numba", "mitsuba"]}, [0.01], None, NOTHING_ALLOWED)
     assert written["zip"] == {"engine": ["numba", "mitsuba"], "sampler": ["sobol", "orthogonal"]}
     assert written["division"] == "open" and written["matrix"]["precision"] == ["float32"]
     assert len(notes) == 2 and "numba sobol, mitsuba orthogonal" in notes[1]
 
 
 def test_samplers_of_one_engine_race_in_float64_in_the_scene_s_shape(tmp_path):
-    written, notes = race._by_images(["cornell_box"], {"sampler": ["random", "sobol"]}, [0.01], None, (False,) * 3)
+    written, notes = race._by_images(["cornell_box"], {"sampler": ["random", "sobol"]}, [0.01], None, NOTHING_ALLOWED)
     assert not notes and "zip" not in written and "division" not in written and written["resolution"] == [64, 64]
     assert written["matrix"]["engine"] == ["numba"] and written["budget"]["stop_at_error"] == 0.005
     path = tmp_path / "race.yaml"
