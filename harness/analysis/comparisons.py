@@ -134,6 +134,7 @@ def _race(times_in: Mapping[str, Frame], members: Frame, spreads: Spreads, margi
             ranked=members.ranked.to_numpy(bool),
             clock=clock_steps(low),
             margin=margin,
+            pools=members.scene.factorize()[0],
             **({} if measure == PER_SAMPLE else _readings(times, count)),
         )
         ratios = {row: ratio for (row, _), ratio in zip(compared, found.ratios, strict=True)}

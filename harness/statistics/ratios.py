@@ -142,6 +142,7 @@ def race(
     margin: float = MARGIN,
     readings: Sequence[tuple[Array, Array]] = (),
     mixed: Mask | None = None,
+    pools: Rows | None = None,
 ) -> Race:
     """All ratios, verdicts and possible winners among k contestants in n blocks.
 
@@ -150,16 +151,18 @@ def race(
     `persistent_spread`; where it is unknown, intervals hold the noise of blocks alone, and all is unresolved. `ranked`: (k,),
     the contestants of one division that may win; others, such as twins, take no part in corrections. `clock`: (k,), the
     clock's resolution over the seconds. `readings`: `low` and `high` as found in other ways, under which too a verdict has to
-    hold between contestants that are `mixed` (k, k), of different kinds.
+    hold between contestants that are `mixed` (k, k), of different kinds. `pools`: (k,) numbers; variances are moderated by
+    those of contestants of one number, such as a scene's, by default of all.
 
     `faster` and `slower` hold together at 5 % for all pairs of ranked ones (Holm 1979). `same` precedes them: the 90 % interval
     lies within ±ln(1 + `margin`). A contestant may be the fastest if no one-sided test finds it slower than another, at 5 %
     over max(2, k - 1); none may where none reached the target.
     """
     rows = np.ones(len(low), np.bool_) if ranked is None else np.asarray(ranked, np.bool_)
-    pairs = _pairs(low, high, rows, clock)
+    pools = np.zeros(len(low), np.int64) if pools is None else pools
+    pairs = _pairs(low, high, rows, clock, pools)
     if mixed is not None:
-        pairs = pairs.beside([_pairs(*bounds, rows, clock) for bounds in readings], mixed)
+        pairs = pairs.beside([_pairs(*bounds, rows, clock, pools) for bounds in readings], mixed)
     pairs = pairs.spread_by(spread)
     known = not math.isnan(spread.variance)
     p = pairs.slower() if known else np.ones(pairs.blocks.shape)
@@ -173,7 +176,7 @@ def twin_pairs(
     """Of the twins of a race, (original, twin) rows, those that have three blocks with known times in common. The other
     arguments are as in `race`."""
     rows = np.ones(len(low), np.bool_) if ranked is None else np.asarray(ranked, np.bool_)
-    pairs = _pairs(low, high, rows, clock)
+    pairs = _pairs(low, high, rows, clock, np.zeros(len(low), np.int64))
     found = []
     for original, twin in twins:
         least, most = pairs.excess[0, twin, original], -pairs.excess[0, original, twin]
@@ -182,9 +185,9 @@ def twin_pairs(
     return found
 
 
-def _pairs(low: Array, high: Array, ranked: Mask, clock: Array | float) -> _Pairs:
-    """Variance of a pair: (2 D s^2 + (n - 1) s_ij^2) / (D + n - 1), s^2 being the residual mean square of contestant
-    + block."""
+def _pairs(low: Array, high: Array, ranked: Mask, clock: Array | float, pools: Rows) -> _Pairs:
+    """Variance of a pair: (2 D s^2 + (n - 1) s_ij^2) / (D + n - 1), s^2 being the residual mean square of contestant + block
+    in their pool; D is 0 between pools."""
     present = ~np.isnan(low)
     both = present[:, None] & present[None, :]
     blocks = both.sum(axis=2)
@@ -192,7 +195,10 @@ def _pairs(low: Array, high: Array, ranked: Mask, clock: Array | float) -> _Pair
     excess = differences.sum(axis=2) / np.maximum(blocks, 1)
     centre = np.where(np.isfinite(excess), excess, 0.0)[..., None]
     squares = (np.where(both & np.isfinite(differences), differences - centre, 0.0) ** 2).sum(axis=2)
-    pooled, weight = _pooled(low, high, ranked)
+    pooled, weight = np.zeros(blocks.shape), np.zeros(blocks.shape)
+    for pool in np.unique(pools):
+        own = np.flatnonzero(pools == pool)
+        pooled[np.ix_(own, own)], weight[np.ix_(own, own)] = _pooled(low[own], high[own], ranked[own])
     freedom = np.maximum(weight + blocks - 1.0, 1.0)
     error = np.sqrt((2 * weight * pooled + squares) / freedom / np.maximum(blocks, 1))
     steps = np.broadcast_to(np.asarray(clock, np.float64), len(low))

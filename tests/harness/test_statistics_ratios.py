@@ -330,3 +330,18 @@ def test_geometric_means_of_odd_values():
         same = geometric_interval([value] * 5)
         assert same.low <= same.value <= same.high
     assert math.isnan(geometric_interval([]).value) and math.isnan(geometric_interval([0.0, math.inf]).value)
+
+
+def test_a_pool_is_judged_by_its_own_noise_and_all_pools_by_one_correction():
+    rng = np.random.default_rng(7)
+    quiet, noisy = times(rng, 4, 5, 0.01), times(rng, 4, 5, 0.3)
+    both, pools = np.concatenate([quiet, noisy]), np.repeat([0, 1], 4)
+    compared = [*against_first(4), *((4 + row, 4) for row in range(1, 4))]
+    found = race(both, both, compared, NO_SPREAD, pools=pools)
+    alone = [*exact(quiet).ratios, *exact(noisy).ratios]
+    assert np.array([ratio[:4] for ratio in found.ratios]) == pytest.approx(np.array([ratio[:4] for ratio in alone]))
+
+    def width(ratio):
+        return ratio.high / ratio.low
+
+    assert width(found.ratios[0]) < width(race(both, both, compared, NO_SPREAD).ratios[0])
