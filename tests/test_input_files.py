@@ -144,7 +144,7 @@ def test_all_that_a_scene_names_must_be_a_regular_file(tmp_path_factory):
 
 def test_a_command_line_names_no_fifo(tmp_path):
     os.mkfifo(tmp_path / "x.yaml")
-    for command in (["render", "x.yaml"], ["plan", "x.yaml"], ["export", "x.yaml", "--to", "pbrt", "-o", "a.pbrt"]):
+    for command in (["render", "x.yaml"], ["plan", "x.yaml"], ["convert", "x.yaml", "-o", "a.pbrt"]):
         done = forked.raybench(command, tmp_path, os.environ, timeout=HANG_SECONDS)
         assert done.returncode == 2 and done.stderr.count("\n") == 1
         assert "x.yaml: is not a regular file but a FIFO" in done.stderr

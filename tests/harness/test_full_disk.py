@@ -103,15 +103,15 @@ def test_a_manifest_that_may_not_be_replaced_is_named_and_nothing_is_lost(tmp_pa
     "command",
     [
         ("run", "small.yaml", "--allow-imports", "--out", "file/out"),
-        ("reference", "small.yaml", "--allow-imports", "--references", "file/refs"),
-        ("merge", "{folder}", "--out", "file/out"),
+        ("run", "small.yaml", "--only", "references", "--allow-imports", "--references", "file/refs"),
+        ("archive", "{folder}", "{folder}", "--out", "file/out"),
         ("archive", "{folder}", "--out", "file/out"),
         ("compare", "{folder}", "{folder}", "-o", "file/changes.csv"),
         ("render", "ball.yaml", "--engine", "numpy", "--spp", "1", "-o", "file/a.exr"),
-        ("dahlquist", "--engine", "numpy", "--size", "8x8", "-o", "file/a.png"),
+        ("render", "dahlquist", "--engine", "numpy", "--size", "8x8", "-o", "file/a.png"),
         ("verify", "--engine", "numpy", "--quick", "--case", "cameras", "--out", "file/verify"),
     ],
-    ids=lambda command: command[0],
+    ids=lambda command: " ".join(command[:2]),
 )
 def test_a_folder_that_cannot_be_written_is_one_line(tmp_path, command):
     from tests.harness.synthetic import Size, write_folder
@@ -147,10 +147,13 @@ HUGE = "65536x65536"
     ("command", "words"),
     [
         (("render", "ball.yaml", "--engine", "numpy", "--spp", "1", "--size", HUGE, "-o", "a.exr"), "bytes of memory"),
-        (("dahlquist", "--size", HUGE, "-o", "a.png"), "67108864 pixels"),
+        (("render", "dahlquist", "--size", HUGE, "-o", "a.png"), "67108864 pixels"),
         (("run", "small.yaml", "--allow-imports", "--set", "resolution=[65536, 65536]"), "bytes of memory"),
         (("plan", "small.yaml", "--allow-imports", "--set", "resolution=[65536, 65536]"), "bytes of memory"),
-        (("reference", "small.yaml", "--allow-imports", "--set", "resolution=[65536, 65536]"), "bytes of memory"),
+        (
+            ("run", "small.yaml", "--only", "references", "--allow-imports", "--set", "resolution=[65536, 65536]"),
+            "bytes of memory",
+        ),
     ],
     ids=lambda part: part[0] if isinstance(part, tuple) else "",
 )

@@ -225,14 +225,14 @@ def test_another_version_of_the_format_is_one_clear_line(theirs, whole, tmp_path
         assert str(told.value).startswith(str(theirs / store.MANIFEST)) and "\n" not in str(told.value)
 
 
-@pytest.mark.parametrize("verb", ["status", "report", "rescore"])
-def test_a_folder_of_the_first_format_ends_in_one_line(theirs, verb):
+@pytest.mark.parametrize("command", [["status"], ["report"], ["report", "--rescore"]], ids=" ".join)
+def test_a_folder_of_the_first_format_ends_in_one_line(theirs, command):
     """Its version is said before anything in its events is found to be wrong."""
     manifest = json.loads((theirs / store.MANIFEST).read_text()) | {"raybench_results": 1, "examination_ids": []}
     (theirs / store.MANIFEST).write_text(json.dumps(manifest))
     with (theirs / store.EVENTS).open("a") as file:
         file.write('{"event": "conclusions", "bias": []}\n')
-    done = sweeping.raybench(verb, theirs)
+    done = sweeping.raybench(*command, theirs)
     said = "results of format 1, and this raybench reads 3: an older raybench wrote it: measure again"
     assert (done.returncode, done.stderr) == (2, f"raybench: {theirs / store.MANIFEST}: {said}\n")
 
@@ -294,7 +294,7 @@ def test_mutated_folders_end_in_success_or_one_line(whole, tmp_path, part, monke
 
 def test_a_refusal_is_one_line_and_exit_code_2(theirs, tmp_path):
     line = tampered(theirs, "cell", lambda event: at("points", 0, "spp")(event, "many"))
-    for words in (("report", theirs), ("merge", theirs, "--out", tmp_path / "m")):
+    for words in (("report", theirs), ("archive", theirs, theirs, "--out", tmp_path / "m")):
         done = sweeping.raybench(*words)
         assert done.returncode == 2 and done.stderr.count("\n") == 1, (words, done.stderr)
         assert done.stderr.startswith("raybench: ") and f"events.jsonl:{line}: cell.points[0].spp = 'many'" in done.stderr
