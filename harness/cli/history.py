@@ -68,5 +68,6 @@ def history(
     bad = regressions(table)
     console.print(f"Written: {out / 'history.csv'}, history.md, history.png", soft_wrap=True)
     steps = sum(row["verdict"] not in quiet for row in table.rows)
-    console.print(f"{len(bad)} regressions at the last revision, {steps} steps and flags in all.", soft_wrap=True)
+    found = f"{len(bad)} regression{'s' * (len(bad) != 1)} at the last revision"
+    console.print(f"{found}, {steps} step{'s' * (steps != 1)} or flag{'s' * (steps != 1)} in all.", soft_wrap=True)
     raise typer.Exit(1 if bad else 0)

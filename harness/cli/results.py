@@ -124,7 +124,8 @@ def archive(folder: Path, out: Path, images: int, authors: Sequence[str], licenc
         write_derived(out)
     for sentence in missing:
         consoles()[1].print(sentence, markup=False, soft_wrap=True)
-    consoles()[0].print(f"{size / 1e6:.1f} MB besides what `raybench report {out}` makes again.", soft_wrap=True)
+    rest = "without the tables, plots and report, which `raybench report` makes again"
+    consoles()[0].print(f"Archive: {out}, {size / 1e6:.2g} MB {rest}", soft_wrap=True)
 
 
 def calibrate(folder: Path) -> int:

@@ -20,7 +20,7 @@ from engines.image import write_image
 from engines.packages import install_extra
 from harness.metrics import Reference, as_error, measure, metric_title
 from harness.report.moments import Moment
-from harness.report.plots.chart import FAINT, INK
+from harness.report.plots.chart import FAINT, INK, LINES
 from harness.report.plots.curves import error_label
 from harness.report.plots.figures import log_scales
 from harness.report.plots.style import Palette, file_stem
@@ -63,7 +63,7 @@ def crop_of(text: str) -> Crop:
     """A crop from `x,y,width,height`. Raises `ConfigError`."""
     parts = text.split(",")
     if len(parts) != 4 or not all(part.strip().isdecimal() for part in parts) or min(map(int, parts[2:])) < 1:
-        raise ConfigError(f"--crop {text}: expected x,y,width,height in pixels, as 40,60,32,32")
+        raise ConfigError(f"--crops {text}: expected x,y,width,height in pixels, as 40,60,32,32")
     return Crop(*map(int, parts))
 
 
@@ -81,9 +81,7 @@ def taken_images(results: Results, scene: str, moment: Moment, names: Sequence[s
             raise ConfigError(f"--contestant {name!r}: {scene} has {', '.join(measured)}")
     found = [taken for c in ([measured[name] for name in names] or measured.values()) if (taken := _taken(results, c, moment))]
     if not found:
-        raise ConfigError(
-            f"{results.folder}: {scene} has no image {moment} (a config keeps them with `output: {{images: all}}`)"
-        )
+        raise ConfigError(f"{results.folder}: {scene} has no image {moment} (an experiment keeps them with `images: all`)")
     if len({(taken.contestant.done[0].reference_id, taken.image.shape) for taken in found}) > 1:
         raise ConfigError(f"{scene}: its contestants have different references or sizes: choose those of one by --contestant")
     if names:
@@ -141,7 +139,7 @@ def comparison_figure(
     height, image_width = reference.mean.shape[:2]
     for crop in crops:
         if crop.x + crop.width > image_width or crop.y + crop.height > height:
-            raise ConfigError(f"--crop {','.join(map(str, crop))}: the image has {image_width} x {height} pixels")
+            raise ConfigError(f"--crops {','.join(map(str, crop))}: the image has {image_width} x {height} pixels")
     shapes = [crop.height / crop.width for crop in crops]
     columns, aspect = len(taken) + 1, image_width / height
     plot = PLOT + 0.5 if with_plot else 0.0
@@ -221,9 +219,13 @@ def _text(axis: Axes, text: str, y: float, at: str, colour: str, size: float = S
 def _plot(axis: Axes, results: Results, taken: Sequence[Taken]) -> None:
     """Error over seconds of the first block; what was taken is marked."""
     palette = Palette(results)
+    drawn: set[tuple[str, Any]] = set()
     for one in taken:
         points = one.contestant.done[0].points
         look = palette.look(one.contestant)
+        if (look.colour, look.line) in drawn:  # they differ in what this small plot does not show
+            look = look._replace(line=next((line for line in LINES if (look.colour, line) not in drawn), look.line))
+        drawn.add((look.colour, look.line))
         seconds, errors = [p.seconds for p in points], [point_error(p, results.metric)[0] for p in points]
         axis.plot(seconds, errors, color=look.colour, linestyle=look.line, linewidth=1.0, label=one.contestant.name)
         error, _ = point_error(one.point, results.metric)

@@ -70,7 +70,7 @@ def paper_table(analysis: Analysis, asked: Asked) -> Table:
     return Table(
         "table",
         asked.value,
-        " ".join([_meaning(analysis, asked, items), *_notes(list(cells.values()))]),
+        " ".join([_meaning(analysis, asked, items), *_notes(list(cells.values())), *_not_measured(cells, rows, columns)]),
         [
             Column(asked.rows, "The setting of the rows.", "text", asked.rows),
             *(Column(text, f"{asked.value} where {asked.columns} is {text}.", kind, text) for text in columns),
@@ -262,6 +262,13 @@ def _notes(items: Sequence[_Item]) -> list[str]:
         *(f"{names}: {reason}." for reason, names in missing.items()),
         *(f"{names}: flagged ({flags})." for flags, names in flagged.items()),
     ]
+
+
+def _not_measured(cells: Mapping[tuple[str, str], _Item], rows: Sequence[str], columns: Sequence[str]) -> list[str]:
+    """A sentence on the cells of the table for which there is no contestant, if there are any."""
+    empty = {row: found for row in rows if (found := [column for column in columns if (row, column) not in cells])}
+    names = "; ".join(f"{row} with {', '.join(found)}" for row, found in empty.items())
+    return [f"Not measured: {names}."] if empty else []
 
 
 def _named(items: Iterable[tuple[str, _Item]]) -> dict[str, str]:

@@ -15,6 +15,7 @@ import yaml
 
 from engines.errors import ConfigError, RaybenchError
 from engines.input_files import files_opened
+from engines.registry import is_file
 from engines.scene import load_scene
 from harness.config import paths
 from harness.store import atomic
@@ -92,6 +93,8 @@ def _experiment(results: Results, manifest: Manifest, out: Path, with_scenes: bo
     own = sorted(name for name in engines if ":" in name)
     if own:
         missing.append(f"The code of {', '.join(own)} is not here: put it beside {EXPERIMENT}.")
+    if described := sorted(filter(is_file, engines)):
+        missing.append(f"{', '.join(described)} and the program that it calls are not here: put them beside {EXPERIMENT}.")
     return config, missing
 
 

@@ -1,5 +1,7 @@
 """`raybench figure`: its errors are those of the pixels that it shows, and what it cannot show is said in a line."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -111,3 +113,12 @@ def test_the_command_writes_figure_and_crops(folder, tmp_path):
     np.testing.assert_allclose(read_image(crops / "crop1-reference.exr"), expected, rtol=1e-3)
     again = sweeping.raybench("figure", folder, "--scene", "nowhere", "-o", figure)
     assert again.returncode == 2 and "Traceback" not in again.stderr
+
+
+def test_no_two_curves_of_a_figure_look_alike(results):
+    one = made.taken_images(results, "cornell_box", Moment())[0]
+    settings = replace(one.contestant.settings, precision="float16")
+    other = one._replace(contestant=replace(one.contestant, settings=settings))
+    figure, _ = drawn(results, [one, other], [made.Crop(8, 4, 16, 12)])
+    curves = [line for line in figure.axes[-1].lines if line.get_marker() != "o"]
+    assert len({(line.get_color(), line.get_linestyle()) for line in curves}) == len(curves) == 2

@@ -104,7 +104,14 @@ def test_the_note_names_baseline_units_and_epsilon_and_why_a_value_is_missing(an
     note = paper_table(analysis, ONE_A_CELL._replace(value="ratio", where=RANDOM | {"scene": "cornell_box"})).note
     assert "relMSE (ε = 0.01) is 0.01" in note and "Baseline: numpy" in note
     assert "mitsuba random 2 threads on cornell_box: not measured (failed)" in note
-    assert "A/A" not in note
+    assert "A/A" not in note and "Not measured" not in note
+
+
+def test_the_note_names_the_cells_that_nothing_measured(analysis):
+    asked = ONE_A_CELL._replace(rows="engine", columns="contestant", where=RANDOM | {"scene": "cornell_box"})
+    note = paper_table(analysis, asked).note
+    numpy, embree = (contestant_of(analysis, "cornell_box", engine, "random").name for engine in ("numpy", "embree"))
+    assert "Not measured: " in note and f"numpy with {embree}" in note and f"numpy with {numpy}" not in note
 
 
 def test_latex_is_a_tabular_that_compiles_without_packages(analysis, tmp_path):

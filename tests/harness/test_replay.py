@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 
 import pytest
 
@@ -108,6 +109,14 @@ def test_an_archive_with_a_scene_of_its_own_is_replayed_elsewhere(tmp_path):
     assert (tmp_path / "results" / "archived-replay" / "report.html").exists()
     for name in ("README.md", "CITATION.cff", "experiment.yaml"):
         assert str(tmp_path) not in (tmp_path / "archived" / name).read_text()
+
+
+def test_an_archive_says_that_it_lacks_a_program_and_its_description(there, tmp_path):
+    config = there.results.manifest.config | {"include": [{"scene": "cornell_box", "engine": "mine.yaml"}]}
+    manifest = there.results.manifest.replaced(config=config)
+    missing = write_supplement(replace(there.results, manifest=manifest), manifest, tmp_path, UNSIGNED)
+    assert "mine.yaml and the program that it calls are not here: put them beside experiment.yaml." in missing
+    assert missing[-1] in (tmp_path / "README.md").read_text()
 
 
 def test_a_citation_that_was_filled_in_stays_and_the_rest_is_made_anew(there, tmp_path):
