@@ -7,7 +7,6 @@ from typing import Annotated, Optional
 
 import typer
 
-from engines.errors import UnknownName
 from harness.cli.options import Folder, choices, words
 
 VALUES = ("ratio", "seconds", "error", "spp")
@@ -104,6 +103,7 @@ def table(
     ] = None,
 ) -> None:
     """Print a table for a paper: a value with any two settings as rows and columns, with intervals."""
+    from engines.errors import UnknownName
     from harness.analysis import analyse
     from harness.cli.outputs import check_file
     from harness.cli.results import require_results

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
-from engines.errors import ConfigError
 from harness.cli.options import AllowCommands, AllowImports, AllowOutside, Folder, References, Set
 
 if TYPE_CHECKING:
@@ -45,6 +44,7 @@ def replay(
     references: References = None,
 ) -> None:
     """Measure an archive or results folder again, and say what was reproduced. Exit code 1 if something was not."""
+    from engines.errors import ConfigError
     from harness.analysis import analyse
     from harness.cli import experiments
     from harness.cli.outputs import check_file
@@ -75,6 +75,7 @@ def replay(
 
 def experiment_of(folder: Path) -> ConfigFile:
     """The experiment of an archive, or of a results folder by its manifest. Raises `ConfigError`."""
+    from engines.errors import ConfigError
     from engines.schema.yaml_file import locate
     from harness import store
     from harness.config import ConfigFile, read_file
