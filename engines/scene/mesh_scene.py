@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -34,7 +35,8 @@ VIEW = ((0.55, 0.45, 1.0), (0.0, 1.0, 0.0))
 def mesh_scene(file: Path, place: Place) -> Scene:
     """The scene of an OBJ, with the materials of its MTL, a PLY or an STL.
 
-    Where materials are missing the mesh is grey, with a note in `Scene.warnings`. Raises `SceneError` where there is no file,
+    It is smooth where the file has vertex normals. Where materials are missing the mesh is grey, with a note in
+    `Scene.warnings`. Raises `SceneError` where there is no file,
     and for one that is no mesh.
     """
     if not file.is_file():
@@ -51,7 +53,7 @@ def mesh_scene(file: Path, place: Place) -> Scene:
 
 def _framed(file: Path, place: Place, material: Any = None) -> Scene:
     """The scene, of one `material` or of those that the file names."""
-    shape: dict[str, Any] = {"mesh": {"file": file.name, "smooth": file.suffix.lower() != ".stl"}}
+    shape: dict[str, Any] = {"mesh": {"file": file.name, "smooth": _has_normals(file)}}
     towards, up = VIEWS.get(file.suffix.lower(), VIEW)
     eye = np.array(towards) / np.linalg.norm(towards)
     right = np.cross(up, eye)
@@ -69,6 +71,14 @@ def _framed(file: Path, place: Place, material: Any = None) -> Scene:
     assert isinstance(mesh, Mesh) and isinstance(made.camera, Perspective)
     framed = framing(made.camera, mesh.vertices[np.unique(mesh.faces)], eye)
     return replace(made, camera=framed, content_hash=content_hash(framed, made.materials, made.shapes, made.lights))
+
+
+def _has_normals(file: Path) -> bool:
+    """Whether an OBJ or a PLY has vertex normals; an STL never has."""
+    data = file.read_bytes()
+    if file.suffix.lower() == ".ply":
+        return b" nx" in data.partition(b"end_header")[0]
+    return file.suffix.lower() == ".obj" and re.search(rb"^\s*vn\s", data, re.MULTILINE) is not None
 
 
 def framing(camera: Perspective, points: NDArray[np.float64], towards: NDArray[np.float64]) -> Perspective:

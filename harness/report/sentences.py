@@ -15,6 +15,7 @@ from harness.analysis.axes import SETTINGS
 from harness.analysis.baselines import AA, SEVERAL, Baselines
 from harness.analysis.model import PER_SAMPLE, Frame, measure_of, ranked_together
 from harness.metrics import metric_title
+from harness.report.tables.evidence import WITHOUT_TWINS
 from harness.report.tables.model import number_text
 from harness.statistics.ratios import ALPHA, FEWEST_BLOCKS
 
@@ -198,6 +199,8 @@ def _repeats(rows: Sequence[Any], family: int, analysis: Analysis) -> str:
     """` (some 12 repeats would separate them)`."""
     if min(row.blocks for row in rows) < FEWEST_BLOCKS:
         return f" (fewer than {FEWEST_BLOCKS} repeats: no verdict is given)"
+    if not any(analysis.spreads[row.scene, row.contestant].twins for row in rows):
+        return f" ({WITHOUT_TWINS})"
     found = [repeats_to_separate(row, family, analysis.results.config.same_within) for row in rows]
     known = sorted(number for number in found if not math.isnan(number))
     if not known:

@@ -32,11 +32,11 @@ class Listener(Protocol):
 
 
 def describe(cell: Cell) -> str:
-    """A cell in a few words."""
+    """A cell in a few words; shader and sampler with their options, which may be all that tells two contestants apart."""
     settings = cell.settings
     parts = [cell.scene.name, cell.engine_name, settings.accelerator.name]
     if isinstance(settings, CellSettings):
-        parts += [settings.shader.name, settings.sampler.name]
+        parts += [str(settings.shader), str(settings.sampler)]
     elif cell.ray_set is not None:
         parts += [f"{cell.ray_set.kind} rays"]
     parts += [settings.precision or "", f"{settings.threads}t", f"seed {cell.seed}", cell.label or ""]

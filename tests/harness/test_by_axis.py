@@ -126,6 +126,11 @@ def test_a_sentence_tells_each_scene_and_what_is_not_separated(tmp_path):
     assert " of numba's time on hall; not separated on yard (some " in line and line.endswith(" repeats would tell).")
 
 
+def test_a_sentence_says_that_twins_are_missing_where_a_clear_ratio_is_not_decided(tmp_path):
+    (line,) = lines(analyse(results(tmp_path, contestant(0.01), contestant(0.001, sampler="sobol"))), "sampler")
+    assert "not separated on" in line and "without A/A twins" in line
+
+
 def test_a_sentence_says_who_did_not_get_there(tmp_path):
     def slow(cell):
         cell["points"] = cell["points"][:4]

@@ -82,6 +82,22 @@ def test_another_mesh_is_another_scene(tmp_path):
     assert engines.load_scene(written(tmp_path, "c.ply", PLY)).content_hash == one.content_hash
 
 
+SPIKE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 0 1\n{}f 1{n} 2{n} 3{n}\nf 1{n} 2{n} 4{n}\n"
+PLY_WITH_NORMALS = PLY.replace("float z\n", "float z\nproperty float nx\nproperty float ny\nproperty float nz\n")
+for corner in ("0 0 0", "1 0 0", "0 1 0"):
+    PLY_WITH_NORMALS = PLY_WITH_NORMALS.replace(f"\n{corner}\n", f"\n{corner} 0 0.6 0.8\n")
+
+
+@pytest.mark.parametrize(
+    ("name", "without", "given"),
+    [("a.obj", SPIKE.format("", n=""), SPIKE.format("vn 0 0.6 0.8\n", n="//1")), ("a.ply", PLY, PLY_WITH_NORMALS)],
+)
+def test_a_mesh_is_smooth_only_where_its_file_has_normals(tmp_path, name, without, given):
+    assert engines.load_scene(written(tmp_path, name, without)).shapes[0].normals is None
+    normals = engines.load_scene(written(tmp_path, name, given)).shapes[0].normals
+    np.testing.assert_allclose(normals, [[0, 0.6, 0.8]] * len(normals))
+
+
 def test_what_is_no_mesh_is_refused_in_a_line(tmp_path):
     with pytest.raises(SceneError, match=r"bad.obj shapes\[0\].mesh.file: .*bad.obj:1: not an OBJ file with faces"):
         engines.load_scene(written(tmp_path, "bad.obj", "nonsense\n"))

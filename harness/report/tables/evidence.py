@@ -57,6 +57,7 @@ def spreads_text(machines: Mapping[str, PersistentSpread]) -> str:
 
 
 NOT_MEASURED = "not measured"
+WITHOUT_TWINS = "without A/A twins nothing is called faster, slower or the same"
 
 
 def spread_of(spread: PersistentSpread) -> str:
@@ -67,7 +68,7 @@ def spread_of(spread: PersistentSpread) -> str:
 def weakness_of(spread: PersistentSpread) -> str:
     """What a spread of few twins means for verdicts; empty for one that is known well enough."""
     if not spread.twins:
-        return "without A/A twins nothing is called faster, slower or the same"
+        return WITHOUT_TWINS
     return f"fewer than {FEWEST_TWINS} twins tell little of it" if spread.twins < FEWEST_TWINS else ""
 
 
