@@ -58,7 +58,7 @@ class Baselines:
         self.config = results.config
         self.places = places(results)
         self.engines = engine_order(results)
-        self.accelerators = accelerators_of(results.contestants)
+        self.accelerators = accelerators_of(one for one in results.contestants if one.done)
 
     def place(self, one: Contestant) -> tuple[int, int]:
         """What contestants are sorted by: the place in the config, where that does not tell them the engine."""

@@ -325,6 +325,8 @@ def archive(
 
     if len(folders) > 1 and images is not None:
         raise ConfigError(f"--images {images}: is for one folder: merged folders keep their images")
+    if len(folders) > 1 and (author or licence or not scenes):
+        raise ConfigError("--author, --license, --no-scenes: are for one folder: merge first, then archive what you get")
     if len(folders) > 1:
         results.merge(folders, out)
     else:

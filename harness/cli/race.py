@@ -120,6 +120,8 @@ def race(
 
     allow_here(allow_imports)
     given = {"engine": engine, "shader": shader, "sampler": sampler, "accelerator": accelerator}
+    if rays and (to or size):
+        raise ConfigError(f"{'--to' if to else '--size'}: is for images, and --rays races without them")
     if json and not rays:
         raise ConfigError("--json: is for --rays; open_results and points.csv have the figures of images")
     given |= {"precision": precision, "threads": threads, "rays": rays}
@@ -209,8 +211,9 @@ def _by_images(
         matrix["precision"] = ["float32"]
         notes.append(f"precision: float32, since {', '.join(single)} has nothing else")
     if "sampler" not in axes:
-        precision = "float32" if single else "float64"
-        own = {name: _sampler(engine, loaded[0], precision, allowed) for name, engine in engines.items()}
+        precision = str(axes["precision"][0]) if "precision" in axes else "float32" if single else "float64"
+        shader = axes["shader"][0] if "shader" in axes else None
+        own = {name: _sampler(engine, loaded[0], precision, allowed, shader) for name, engine in engines.items()}
         if len(set(own.values())) == 1:
             matrix["sampler"] = [next(iter(own.values()))]
         else:
@@ -264,15 +267,16 @@ def _size(scene: Scene) -> tuple[int, int]:
     return max(1, round(width * factor)), max(1, round(height * factor))
 
 
-def _why_not(engine: Engine, scene: Scene, sampler: str, precision: str, allowed: tuple[bool, bool, bool]) -> str | None:
+def _why_not(
+    engine: Engine, scene: Scene, sampler: str, precision: str, allowed: tuple[bool, bool, bool], shader: Any = None
+) -> str | None:
     from engines.choices import Choice
     from harness.plan import answers
     from harness.settings import CellSettings
 
     width, height = scene.camera.resolution
-    shader = Choice.of(scene.shader) if scene.shader is not None else Choice("path_tracer")
     given = CellSettings(
-        shader=shader,
+        shader=Choice.of(shader or scene.shader or "path_tracer"),
         sampler=Choice(sampler),
         accelerator=Choice("auto"),
         precision=precision,
@@ -295,9 +299,9 @@ def _only_single(engines: Mapping[str, Engine], scenes: Sequence[Scene], allowed
     ]
 
 
-def _sampler(engine: Engine, scene: Scene, precision: str, allowed: tuple[bool, bool, bool]) -> str:
+def _sampler(engine: Engine, scene: Scene, precision: str, allowed: tuple[bool, bool, bool], shader: Any) -> str:
     """The first of `SAMPLERS` that an engine has."""
-    able = (name for name in SAMPLERS if not _why_not(engine, scene, name, precision, allowed))
+    able = (name for name in SAMPLERS if not _why_not(engine, scene, name, precision, allowed, shader))
     return next(able, SAMPLERS[0])
 
 

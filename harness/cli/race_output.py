@@ -101,7 +101,7 @@ def _names(cells: list[Cell]) -> Mapping[str, str]:
     def parts(cell: Cell) -> tuple[str, ...]:
         settings = cell.settings
         more = (str(settings.shader), str(settings.sampler)) if isinstance(settings, CellSettings) else ("", "")
-        accelerator = settings.accelerator.name
+        accelerator = str(settings.accelerator)
         threads = f"{settings.threads} threads"
         return (cell.scene.name, cell.engine_name, *more, accelerator, settings.precision or "", threads, cell.label or "")
 

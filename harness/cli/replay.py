@@ -81,11 +81,11 @@ def experiment_of(folder: Path) -> ConfigFile:
     from harness.config import ConfigFile, read_file
     from harness.report.supplement import EXPERIMENT
 
-    if (folder / EXPERIMENT).is_file():
-        return read_file(f"{folder / EXPERIMENT}")
     manifest = store.read_manifest(folder)
     if manifest.merged or not manifest.config:
         raise ConfigError(f"{folder}: {'was merged' if manifest.merged else 'has no experiment'}: replay the folder of one run")
+    if (folder / EXPERIMENT).is_file():
+        return read_file(f"{folder / EXPERIMENT}")
     path = folder / store.MANIFEST
     return ConfigFile(locate({"config": manifest.config}, str(path), ConfigError).value["config"], path, str(path))
 

@@ -31,6 +31,12 @@ def shipped(kind: str) -> dict[str, Path]:
     return dict(sorted(found.items()))
 
 
+def comes_with_raybench(path: Path) -> bool:
+    """Whether a file lies in the checkout's or the wheel's folders."""
+    places = [_PACKAGE.parent / kind for kind in ("scenes", "configs")] + [_PACKAGE / "_shipped"]
+    return any(path.resolve().is_relative_to(place.resolve()) for place in places)
+
+
 def shipped_file(kind: str, name: str) -> Path | None:
     """The file that a bare name finds; None where it finds none."""
     found = shipped(kind).get(name)

@@ -22,7 +22,7 @@ from engines.image import read_image, write_image
 from harness import store
 from harness.analysis import Analysis, analyse, archived_verdicts, calibration
 from harness.report.html.pictures import rounded, shown_images
-from harness.report.supplement import UNSIGNED, Published, clear_supplement, write_supplement
+from harness.report.supplement import FILES, UNSIGNED, Published, clear_supplement, write_supplement
 from harness.store import confined, reference_files
 from harness.store.records import (
     AnyEvent,
@@ -60,6 +60,8 @@ def archive(folder: Path, out: Path, most_images: int = MOST_IMAGES, published: 
         raise ConfigError(f"{out}: is the results folder itself: --out must be another")
     if store.events_file(out) and not (out / reference_files.FOLDER).is_dir():
         raise ConfigError(f"{out}: holds results that are no archive: --out must be a new folder, or an archive")
+    if not store.events_file(out) and (taken := [name for name in FILES if (out / name).exists()]):
+        raise ConfigError(f"{out}: has {' and '.join(taken)} already: --out must be a new folder, or an archive")
     results = load_results(folder)
     analysis = analyse(results)
     kept = {image: store.image_file(folder, image) for image in shown_images(analysis, most_images)}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -111,8 +111,8 @@ def _of_target(analysis: Analysis, words: _Words, value: str, over: str, rows: F
         parts.append(f"{'as soon' if known else words.alike} (within {same:g} %) on {_places(alike)}")
     if within := told.get("unresolved", []):
         start = "" if parts else f"{words.start} {_range(within)} of {words.whose}: "
-        parts.append(f"{start}not separated on {_places(within)}{_repeats(within, len(rows), analysis)}")
-    parts += _unreached(compared, value, over)
+        parts.append(f"{start}not separated on {_places(within)}{_repeats(within, _family(analysis, rows), analysis)}")
+    parts += _unreached(analysis, compared, value, over)
     parts += _not_compared([row for row in rows.itertuples() if row.no_ratio])
     return "; ".join(parts) + "."
 
@@ -165,43 +165,65 @@ def _places(rows: Sequence[Any]) -> str:
     return " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else names[0]
 
 
-def _unreached(rows: Sequence[Any], value: str, over: str) -> Iterator[str]:
-    """Who did not get there, of ratios that are bounds or unknown."""
-    cases: tuple[tuple[str, Callable[[float], bool]], ...] = (
-        (f"{over} did not reach it", math.isinf),
-        (f"{value} did not reach it", lambda ratio: ratio == 0),
-        ("neither reached it", math.isnan),
-    )
-    for words, holds in cases:
-        if own := [row for row in rows if holds(row.ratio)]:
-            yield f"{words} on {_places(own)}"
+def _unreached(analysis: Analysis, rows: Sequence[Any], value: str, over: str) -> Iterator[str]:
+    """Who did not get there, of ratios that are bounds or unknown: a time of which only a bound is known, such as that of a
+    first checkpoint, makes such a ratio, too."""
+    reached = {(row.scene, row.contestant, row.measure): row.reached == row.seeds for row in analysis.by_target.itertuples()}
+    cases: dict[str, list[Any]] = {}
+    for row in rows:
+        if 0 < row.ratio < math.inf:
+            continue
+        own, base = (reached.get((row.scene, name, row.measure), True) for name in (row.contestant, row.baseline))
+        if row.blocks == 0:
+            words = "no block has both"
+        elif not own or not base:
+            who = "neither reached" if own == base else f"{over if own else value} did not reach"
+            words = f"{who} it"
+        else:
+            words = f"only a bound of the ratio is known ({row.verdict})"
+        cases.setdefault(words, []).append(row)
+    for words, places in cases.items():
+        yield f"{words} on {_places(places)}"
 
 
 # --- how many repeats ----------------------------------------------------------------------------------------------
 
 
+def _family(analysis: Analysis, rows: Frame) -> int:
+    """How many ratios hold together with these: those of their axis, or race, in their measure."""
+    first = rows.iloc[0]
+    found = analysis.by_axis if first.axis in set(analysis.by_axis.axis) else analysis.comparisons
+    together = (found.race == first.race) & (found.measure == first.measure) & (found.no_ratio == "")
+    return max(1, int(together.sum()))
+
+
 def repeats_to_separate(row: Any, family: int, same_within: float) -> float:
     """About how many repeats a ratio takes to be faster or slower in a family of so many, or the same, if its mean and spread
-    stay as they are: the interval shrinks with the root of their number. NaN without an interval, and where that is narrow
-    enough already: then something else than too few repeats stands in the way."""
+    stay as they are: of the interval all but the persistent spread shrinks with the root of their number; infinite where that
+    alone is too wide. NaN without an interval, and where that is narrow enough already: then something else than too few
+    repeats stands in the way."""
     if not 0 < row.ratio_low < row.ratio_high < math.inf:
         return math.nan
     half = math.log(row.ratio_high / row.ratio_low) / 2
     distance, margin = abs(math.log(row.ratio)), math.log1p(same_within)
     wider, narrower = (float(ndtri(1 - level / 2) / ndtri(1 - ALPHA / 2)) for level in (ALPHA / max(1, family), 2 * ALPHA))
-    apart = half * wider / distance if distance > 0 else math.inf
-    alike = half * narrower / (margin - distance) if margin > distance else math.inf
-    shrink = min(apart, alike)
-    return math.ceil(row.blocks * shrink**2) if shrink > 1 else math.nan
+    needed = max(distance / wider, (margin - distance) / narrower)
+    if needed >= half:
+        return math.nan
+    persistent = 0.0 if math.isnan(row.persistent_spread) else math.log1p(row.persistent_spread) * float(ndtri(1 - ALPHA / 2))
+    if needed <= persistent:
+        return math.inf
+    return math.ceil(row.blocks * max(1.0, (half**2 - persistent**2) / (needed**2 - persistent**2)))
 
 
 def _repeats(rows: Sequence[Any], family: int, analysis: Analysis) -> str:
     """` (some 12 repeats would separate them)`."""
-    if min(row.blocks for row in rows) < FEWEST_BLOCKS:
+    if max(row.blocks for row in rows) < FEWEST_BLOCKS:
         return f" (fewer than {FEWEST_BLOCKS} repeats: no verdict is given)"
     if not any(analysis.spreads[row.scene, row.contestant].twins for row in rows):
         return f" ({WITHOUT_TWINS})"
-    found = [repeats_to_separate(row, family, analysis.results.config.same_within) for row in rows]
+    judged = [row for row in rows if row.blocks >= FEWEST_BLOCKS]
+    found = [repeats_to_separate(row, family, analysis.results.config.same_within) for row in judged]
     known = sorted(number for number in found if not math.isnan(number))
     if not known:
         return ""

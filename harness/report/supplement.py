@@ -77,7 +77,7 @@ def _experiment(results: Results, manifest: Manifest, out: Path, with_scenes: bo
     missing = []
     for scene in {json.dumps(name): name for name in named}.values():
         given, parameters = (scene, {}) if isinstance(scene, str) else (scene["file"], scene.get("parameters", {}))
-        if given in paths.shipped(SCENES):
+        if (known := paths.shipped_file(SCENES, given)) is not None and paths.comes_with_raybench(known):
             continue
         copied = _copied_scene(results, given, parameters, out) if with_scenes else "left out"
         if isinstance(copied, Path):
@@ -90,7 +90,9 @@ def _experiment(results: Results, manifest: Manifest, out: Path, with_scenes: bo
         elif scene is not None:
             entry["scene"]["file"] = replaced.get(scene["file"], entry["scene"]["file"])
     engines = {entry["engine"] for entry in config.get("include", ())}
-    own = sorted(name for name in engines if ":" in name)
+    choices = [entry.get(key) for entry in config.get("include", ()) for key in ("shader", "sampler", "accelerator")]
+    names = {choice.get(key) for choice in choices if isinstance(choice, dict) for key in ("name", "plugin")}
+    own = sorted(name for name in engines | names if isinstance(name, str) and ":" in name)
     if own:
         missing.append(f"The code of {', '.join(own)} is not here: put it beside {EXPERIMENT}.")
     if described := sorted(filter(is_file, engines)):
@@ -106,7 +108,8 @@ def _copied_scene(results: Results, given: str, parameters: Mapping[str, Any], o
             scene = load_scene(source, parameters={key: str(value) for key, value in parameters.items()}, natively=True)
     except RaybenchError as error:
         return str(error).replace(str(Path.cwd()), ".")
-    recorded = {cell.scene_hash for cell in results.cells if Path(cell.scene).name in (source.stem, source.name, given)}
+    names = {source.stem, source.name, given}
+    recorded = {cell.scene_hash for cell in results.all_cells if Path(cell.scene.partition(" ")[0]).name in names}
     if recorded and scene.identity not in recorded:
         return "its file has changed since it was measured"
     read = {source.resolve(), *opened, *(scene.native.xml | scene.native.named if scene.native else ())}
@@ -116,7 +119,7 @@ def _copied_scene(results: Results, given: str, parameters: Mapping[str, Any], o
             target = out / place / path.relative_to(root)
             target.parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(path, target)
-        elif not any(path.is_relative_to(folder.resolve()) for folder in paths.folders(SCENES)):
+        elif not paths.comes_with_raybench(path):
             shutil.rmtree(out / place, ignore_errors=True)
             return "it reads files outside of its folder"
     return place / source.name

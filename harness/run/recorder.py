@@ -303,7 +303,7 @@ class CellRecord:
     def _point(self, found: MeasuredPoint, film: Any, reference: Any) -> None:
         self.phases["render_seconds"] = found.seconds
         image, quality = films.image_of(film), self.recorder.plan.experiment.quality
-        scores = metrics.measure(image, reference, quality.epsilon, quality.metric)
+        scores = metrics.measure(image, reference, quality.epsilon, quality.name)
         said = {"metrics": {key: float(value) for key, value in scores.items()}, "film_variance": films.claimed_variance(film)}
         if found.overshoots:
             said["mean_spp"] = float(film.counts.mean())

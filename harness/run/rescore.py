@@ -69,7 +69,7 @@ def _scored(folder: Path, history: Sequence[AnyEvent], quality: Quality) -> tupl
             image = read_image(file)
             if image.shape != references[key].mean.shape:
                 raise ConfigError(f"{file}: is of shape {image.shape}: its reference is of {references[key].mean.shape}")
-            scores = metrics.measure(image, references[key], quality.epsilon, quality.metric)
+            scores = metrics.measure(image, references[key], quality.epsilon, quality.name)
             points.append(point.replaced(metrics={**point.metrics, **{key: float(value) for key, value in scores.items()}}))
             scored += 1
         if points != list(cell.points):

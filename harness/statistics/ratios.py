@@ -198,7 +198,9 @@ def _pairs(low: Array, high: Array, ranked: Mask, clock: Array | float, pools: R
     pooled, weight = np.zeros(blocks.shape), np.zeros(blocks.shape)
     for pool in np.unique(pools):
         own = np.flatnonzero(pools == pool)
-        pooled[np.ix_(own, own)], weight[np.ix_(own, own)] = _pooled(low[own], high[own], ranked[own])
+        some = ~np.isnan(low[own]).all(axis=0)
+        moderation = _pooled(low[own][:, some], high[own][:, some], ranked[own])
+        pooled[np.ix_(own, own)], weight[np.ix_(own, own)] = moderation
     freedom = np.maximum(weight + blocks - 1.0, 1.0)
     error = np.sqrt((2 * weight * pooled + squares) / freedom / np.maximum(blocks, 1))
     steps = np.broadcast_to(np.asarray(clock, np.float64), len(low))

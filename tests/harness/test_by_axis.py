@@ -159,10 +159,14 @@ def test_nothing_is_said_where_nothing_is_compared(tmp_path):
 )
 def test_the_repeats_that_separate_go_with_the_square_of_the_interval(ratio, half, expected):
     """Of one ratio from 5 blocks: the interval has to shrink to the distance from 1, or from the margin of the same."""
-    row = SimpleNamespace(ratio=ratio, ratio_low=ratio * math.exp(-half), ratio_high=ratio * math.exp(half), blocks=5)
+    row = SimpleNamespace(
+        ratio=ratio, ratio_low=ratio * math.exp(-half), ratio_high=ratio * math.exp(half), blocks=5, persistent_spread=0.0
+    )
     found = repeats_to_separate(row, 1, 0.05)
     assert found == expected
     assert repeats_to_separate(row, 10, 0.05) >= found
+    row.persistent_spread = 0.2
+    assert repeats_to_separate(row, 1, 0.05) == math.inf, "no repeats narrow what persists"
 
 
 # In tables

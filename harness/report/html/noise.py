@@ -140,7 +140,9 @@ def reading(found: Welch, power: Spectrum, verdict: Verdict) -> str:
         shared = float(np.clip((power.common / power.power)[power.biased].max(), 0, 1))
         said += f" All seeds have up to {_percent(shared)} of the error in common, {_frequencies(at)}."
     flags = verdict.bias.flags if verdict.bias is not None else []
-    tests = "find bias, too" if flags else "find no bias"
+    tests = "find bias" if flags else "find no bias"
+    if flags or not uniform.uniform:
+        tests += ", too" if flags and not uniform.uniform else ", though"
     return f"{said} The tests of pixels, tiles and image mean {tests}." if verdict.bias is not None else said
 
 

@@ -40,4 +40,7 @@ def why_blank(row: Any) -> str:
         return row.no_ratio
     if row.blocks == 0:
         return "no block has both"
-    return "neither reached the target in all blocks that both have"
+    return (
+        "only bounds are known: of some block that both have each did not reach the target, or was there at its first "
+        "checkpoint, or the reference is too noisy"
+    )

@@ -124,17 +124,17 @@ def _read(session: int, results: Results, lines: dict[Line, dict[str, list[Measu
     own = analysis.crossings[analysis.crossings.own & (analysis.crossings.measure != PER_SAMPLE)]
     rows = dict(iter(own.groupby(["scene", "contestant", "target"])))
     for contestant in results.contestants:
-        if contestant.settings.label or contestant not in flags:
+        if contestant.settings.label or not contestant.runs:
             continue
         engine, revision = _of_engine(results, contestant.settings.engine)
         key = replace(matching(contestant.settings), engine=engine)
         names[key] = contestant.name.replace(contestant.settings.engine, engine)
         for target in results.targets:
             found = rows.get((contestant.settings.scene, contestant.name, target))
-            if found is not None:
-                seconds = {row.block: _seconds(row) for row in found.itertuples()}
-                measured = Measured(session, seconds, flags[contestant])
-                lines.setdefault(Line(key, target), {}).setdefault(revision, []).append(measured)
+            seconds = {} if found is None else {row.block: _seconds(row) for row in found.itertuples()}
+            seconds = {cell.block: math.inf for cell in contestant.runs} | seconds  # where a cell failed
+            measured = Measured(session, seconds, flags.get(contestant, frozenset()))
+            lines.setdefault(Line(key, target), {}).setdefault(revision, []).append(measured)
 
 
 def _of_engine(results: Results, engine: str) -> tuple[str, str]:
@@ -225,7 +225,7 @@ def _table(sessions: Sequence[Results], order: Mapping[str, str], threshold: flo
     return Table(
         "history",
         "Seconds to each target over revisions",
-        " ".join([note, *cautions(sessions, [])]),
+        " ".join([note, *cautions(sessions, sessions)]),
         [
             Column("scene", "Scene."),
             Column("contestant", "Engine and the settings that vary."),

@@ -67,7 +67,7 @@ def reproduction(there: Analysis, here: Analysis) -> Table:
     again = _by_settings(here.results)
     ratios = _ratios(here)
     for settings, contestant in _by_settings(there.results).items():
-        if not contestant.done:
+        if not contestant.done or contestant.settings.label:  # which contestants have twins is the planner's choice
             continue
         who = {"scene": settings.scene, "contestant": contestant.name}
         other = again.get(settings)
