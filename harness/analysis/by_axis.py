@@ -156,8 +156,9 @@ def _without(choice: Choice, option: str) -> Choice:
 def _value(axis: str, one: Contestant, other: Contestant, choices: Choices) -> str:
     """A contestant's value of an axis in words."""
     words = name_words(one, choices)
-    if axis == "engine" and one.settings.accelerator != other.settings.accelerator:  # part of the engine, see `axes`
-        return " ".join(filter(None, (words["engine"], words["accelerator"])))
+    several = len(choices[scope("accelerator", one)]) > 1
+    if axis == "engine" and several and one.settings.accelerator != other.settings.accelerator:  # it is part of the engine
+        return f"{words['engine']} {words['accelerator']}"
     if axis in AXES:
         return words[axis]
     pairs = ((getattr(one.settings, key), getattr(other.settings, key)) for key in CHOICES)

@@ -63,6 +63,7 @@ def make(
     references = _with_time(experiment, found)
     _one_division(experiment, found)
     _one_budget(experiment, found)
+    _stops_behind_the_targets(experiment, found)
     configurations = _with_aa_twins(experiment, [cell for cell, _ in found])
     cells: list[Cell] = []
     for block in range(experiment.repeats):
@@ -144,6 +145,18 @@ def _one_budget(experiment: Experiment, found: Iterable[tuple[Cell, Any]]) -> No
             raise ConfigError(
                 f"{experiment.source} budget: {cell.scene.name} by {cell.engine_name} has several with the same settings "
                 "otherwise: a contestant has one"
+            )
+
+
+def _stops_behind_the_targets(experiment: Experiment, found: Iterable[tuple[Cell, Any]]) -> None:
+    """Refuses cells that end at an error before the smallest target."""
+    quality = experiment.quality
+    smallest = min((as_error(quality.metric, target) for target in quality.targets or ()), default=0.0)
+    for cell, _ in found:
+        stop = cell.budget.stop_at_error
+        if stop is not None and 0 < smallest < stop:
+            raise ConfigError(
+                f"{experiment.source} budget.stop_at_error = {stop:g}: at most the smallest target, {smallest:g}, is expected"
             )
 
 
