@@ -275,8 +275,9 @@ def _why_not(
     from harness.settings import CellSettings
 
     width, height = scene.camera.resolution
+    chosen = shader or scene.shader or "path_tracer"
     given = CellSettings(
-        shader=Choice.of(shader or scene.shader or "path_tracer"),
+        shader=Choice(chosen) if isinstance(chosen, str) else Choice.of(chosen),
         sampler=Choice(sampler),
         accelerator=Choice("auto"),
         precision=precision,

@@ -191,7 +191,7 @@ MISTAKES = {
     "order: {policy: abab}": "a.yaml:4 order.policy: unknown key: known: seed",
     "checkpoints: {ratio: 1}": "a.yaml:4 checkpoints.ratio = 1: must be a number in [1.01, 1024]",
     "checkpoints: {ratio: .inf}": "a.yaml:4 checkpoints.ratio = inf: must be a number in [1.01, 1024]",
-    "quality: {metric: rmse}": "a.yaml:4 quality.metric = 'rmse': must be one of relmse, mse, mae, mape, smape",
+    "quality: {metric: rmse}": "a.yaml:4 quality.metric = 'rmse': must be one of relmse, trimmed_relmse, mse, mae, mape, smape",
     "quality: {epsilon: 0}": "a.yaml:4 quality.epsilon = 0: must be a number in (0, 1e+06]",
     "quality: {targets: [0.1, -1]}": "a.yaml:4 quality.targets[1] = -1: must be a number in (0, 1e+30]",
     "quality: {targets: automatic}": "a.yaml:4 quality.targets = 'automatic': a list of errors, or auto, is expected",

@@ -147,4 +147,4 @@ def test_the_command_merges_and_reports(commanded):
     assert "20 done" in raybench("status", out).stdout
     assert store.read_manifest(out).name
     refused = raybench("run", "quick", "--out", out)
-    assert refused.returncode == 2 and "was made by `raybench merge`" in refused.stderr
+    assert refused.returncode == 2 and "was merged by `raybench archive`" in refused.stderr

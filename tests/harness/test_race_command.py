@@ -33,7 +33,7 @@ def test_a_race_says_who_is_sooner_and_keeps_the_experiment_that_it_ran(tmp_path
     for name in ("Steady", "Other"):
         assert f"{name.lower()}" in done.stdout.lower()
     again = sweeping.raybench("plan", "race.yaml", "--allow-imports", "-o", "out", cwd=tmp_path)
-    assert "9 cells in 3 blocks: 9 done." in again.stdout, "the file is the experiment that was run"
+    assert "18 cells in 3 blocks: 18 done." in again.stdout, "the file is the experiment that was run"
     assert (tmp_path / "race.yaml").read_text().startswith("# raybench race ball.yaml")
 
 
@@ -61,7 +61,7 @@ def test_samplers_of_one_engine_race_in_float64_in_the_scene_s_shape(tmp_path):
     assert written["matrix"]["engine"] == ["numba"] and written["budget"]["stop_at_error"] == 0.005
     path = tmp_path / "race.yaml"
     path.write_text(yaml.safe_dump(written))
-    assert len(planner.make(config.load(path)).cells) == 9
+    assert len(planner.make(config.load(path)).cells) == 18
 
 
 @pytest.mark.parametrize(
