@@ -41,7 +41,7 @@ def finished(tmp_path_factory):
 def test_every_cell_is_measured_in_the_planned_order(finished):
     path, _, outcome, listener = finished
     made = planner.make(config.load(path), allow_imports=True)
-    assert outcome.states == {"done": 9} and outcome.measured == 9, "two engines and a control, three blocks"
+    assert outcome.states == {"done": 18} and outcome.measured == 18, "two engines and four twins, three blocks"
     assert listener.cells == [cell.cell_id for cell in made.cells]
 
 
@@ -137,7 +137,7 @@ def test_rescoring_changes_no_number_but_by_float32(finished):
     out = finished[1]
     before = {e.cell_id: [p.metrics["mse"] for p in e.points] for e in cells(out)}
     scored, without = rescore(out)
-    assert (scored, without) == (2 * 4 + 4 * 3 + 3, 4 + 3 * 3)
+    assert (scored, without) == (2 * 4 + 4 * 3 + 12, 4 + 12 * 3)
     for event in cells(out):
         assert [p.metrics["mse"] for p in event.points] == pytest.approx(before[event.cell_id], rel=1e-5)
 
