@@ -37,7 +37,7 @@ PIXELS = 64 * 64
 SAMPLERS = ("sobol", "orthogonal", "stratified", "random")
 """Where none is named: the first that all engines have, else of each engine the first that it has."""
 ERROR_SHARE = 0.5
-"""A cell ends at this share of the smallest target: what may happen to its error later does not move the time to the target."""
+"""A cell ends at this share of the smallest target, since an error may pass a target by chance. The share is not simulated."""
 
 _SEVERAL = "Separated by commas; may be repeated."
 

@@ -228,8 +228,8 @@ class Budget:
     max_spp: int = key(integer(1, 2**31), "Samples per pixel of the last checkpoint.", 1024)
     stop_at_error: float | None = key(
         OrNull(number(0.0, 1e30, open_low=True)),
-        "Error, in the metric of targets, at which a cell ends before its budget is spent. Half of the smallest target leaves "
-        "the times to it as they are. Not on a cluster.",
+        "Error, in the metric of targets, at which a cell ends before its budget is spent. Choose it well below the smallest "
+        "target, as half of it: an error may pass a target by chance. Not on a cluster.",
         None,
     )
     timeout_seconds: float = key(

@@ -109,7 +109,9 @@ def _copied_scene(results: Results, given: str, parameters: Mapping[str, Any], o
     except RaybenchError as error:
         return str(error).replace(str(Path.cwd()), ".")
     names = {source.stem, source.name, given}
-    recorded = {cell.scene_hash for cell in results.all_cells if Path(cell.scene.partition(" ")[0]).name in names}
+    # A cell names a scene with its parameters: `room depth=3`.
+    of_cells = {(f"{Path(cell.scene).name} ", cell.scene_hash) for cell in results.all_cells}
+    recorded = {identity for shown, identity in of_cells if any(shown.startswith(f"{name} ") for name in names)}
     if recorded and scene.identity not in recorded:
         return "its file has changed since it was measured"
     read = {source.resolve(), *opened, *(scene.native.xml | scene.native.named if scene.native else ())}
