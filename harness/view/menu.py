@@ -18,7 +18,7 @@ from harness.processes import one_line
 from harness.view.library import Library
 from harness.view.requests import MAX_PIXELS, MAX_SIDE, MAX_SPP
 
-PREFERRED = "embree"
+PREFERRED = "numba"
 COMPILED = ("numba", "embree", "embreex_batch")
 """Engines with kernels that are compiled at their first use, and then read from a cache."""
 FIRST_COMPILE_SECONDS = 30
