@@ -15,7 +15,7 @@ from typing import Annotated, Any
 
 import typer
 
-from harness.cli import conversion, history, images, paper, rays, replay
+from harness.cli import conversion, history, images, paper, replay
 from harness.cli.comparing import SeveralFolders, compare
 from harness.cli.options import (
     DEFAULT_ENGINE,
@@ -29,13 +29,10 @@ from harness.cli.options import (
     Group,
     Out,
     References,
-    Scene,
     Set,
-    Size,
     choices,
     engine_lists,
     engines,
-    former,
     names,
     parameters_of,
     parse_size,
@@ -77,11 +74,6 @@ EXPERIMENTS, RESULTS, IMAGES, ENGINES = "Experiments", "Results", "Images and sc
 def command(group: str, cls: type[Command] = Command, name: str | None = None) -> Callable[[Any], Any]:
     """Registers a function as a command in a group of the help."""
     return app.command(name, cls=cls, rich_help_panel=group)
-
-
-def former_command(name: str, now: str) -> Callable[[Any], Any]:
-    """Registers a function as a command of a former name, which help leaves out."""
-    return app.command(name, cls=former(name, now), hidden=True)
 
 
 def _print_version(asked: bool) -> None:
@@ -161,24 +153,8 @@ def status(folder: Folder) -> None:
     experiments.status(folder)
 
 
-@former_command("reference", "run --only references")
-def reference(
-    config: Config,
-    out: Out = None,
-    overrides: Set = None,
-    allow_imports: AllowImports = False,
-    allow_commands: AllowCommands = False,
-    allow_outside: AllowOutside = False,
-    references: References = None,
-) -> None:
-    """Render only the references of an experiment. Existing ones are kept, or extended."""
-    from harness.cli import experiments
-
-    raise typer.Exit(experiments.reference(config, out, overrides or [], (allow_imports, allow_commands, allow_outside)))
-
-
 command(IMAGES, images.Render)(images.render)
-former_command(images.DAHLQUIST, "render dahlquist")(images.dahlquist)
+app.command(images.DAHLQUIST, cls=Command, hidden=True)(images.dahlquist)
 
 
 @command(IMAGES)
@@ -268,33 +244,6 @@ def report(
         results.chapter(folders or [], chapter)
 
 
-@former_command("rescore", "report --rescore")
-def rescore(
-    folder: Folder,
-    overrides: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Another quality: --set quality.epsilon=0.1. May be repeated."),
-    ] = None,
-    references: References = None,
-) -> None:
-    """Compute all metrics again from the images of a results folder, without rendering; then write the report."""
-    from harness.cli import results
-
-    results.rescore(folder, overrides or [], ["raybench", *sys.argv[1:]])
-
-
-@former_command("merge", "archive A B")
-def merge(
-    folders: Annotated[list[Path], typer.Argument(metavar="FOLDER", help="Results folders.")],
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", file_okay=False, help="A new folder for all of them.")],
-    references: References = None,
-) -> None:
-    """Merge results folders into one, with a report. Times of several machines are kept apart."""
-    from harness.cli import results
-
-    results.merge(folders, out)
-
-
 @command(RESULTS)
 def archive(
     folders: Annotated[list[Path], typer.Argument(metavar="FOLDER...", help="A results folder; several are merged.")],
@@ -331,14 +280,6 @@ def archive(
         results.merge(folders, out)
     else:
         results.archive(folders[0], out, 2 if images is None else images, author or (), licence, scenes)
-
-
-@former_command("calibrate", "report --calibrate")
-def calibrate(folder: Folder, references: References = None) -> None:
-    """Estimate the error rates of a run's verdicts from its own noise. Exit code 1 if a figure is outside its range."""
-    from harness.cli import results
-
-    raise typer.Exit(results.calibrate(folder))
 
 
 command(RESULTS, SeveralFolders)(compare)
@@ -397,6 +338,9 @@ def verify(
 ) -> None:
     """Check engines with hard cases and known answers. Exit code 1 if a check fails, 2 if nothing was checked."""
     from engines.errors import ConfigError
+    from harness.statistics.equivalence import Margins
+    from harness.verify.commands.equivalence import EquivalenceOptions
+    from harness.verify.commands.equivalence import compare as equivalence
     from harness.verify.commands.verify import VerifyOptions
     from harness.verify.commands.verify import verify as run_verify
 
@@ -404,65 +348,15 @@ def verify(
     if against:
         if not engine:
             raise ConfigError(f"--against {','.join(against)}: --engine is expected, too")
-        image = replicates, spp, size, shader, (margin, tile_margin), seed, same_seeds
-        raise typer.Exit(_equivalence(scene, [*names(against), *names(engine)], *image, allowed, define))
+        options = EquivalenceOptions(
+            *(scene, [*names(against), *names(engine)], replicates, spp, size, shader, Margins(margin, tile_margin), seed),
+            *(same_seeds, *allowed, parameters_of(define)),
+        )
+        raise typer.Exit(equivalence(options))
     raise typer.Exit(run_verify(VerifyOptions(names(engine), quick, only or [], out, jobs, allow_imports)))
 
 
-def _equivalence(
-    scene: str,
-    engines: list[str],
-    replicates: int,
-    spp: int,
-    size: Any,
-    shader: str,
-    margins: tuple[float, float],
-    seed: int,
-    same_seeds: bool,
-    allowed: tuple[bool, bool, bool],
-    define: list[str] | None,
-) -> int:
-    """Bounds the difference of engines' images; 1 where they are different."""
-    from harness.statistics.equivalence import Margins
-    from harness.verify.commands.equivalence import EquivalenceOptions, compare
-
-    options = EquivalenceOptions(
-        scene, engines, replicates, spp, size, shader, Margins(*margins), seed, same_seeds, *allowed, parameters_of(define)
-    )
-    return compare(options)
-
-
-@former_command("equivalence", "verify --engine A --against B --scene SCENE")
-def equivalence(
-    scene: Scene,
-    engines: Annotated[
-        str,
-        typer.Option(
-            "--engine", metavar="A,B", help="Two or more engines; one twice is an A/A test.", autocompletion=engine_lists
-        ),
-    ],
-    replicates: Replicates = 16,
-    spp: Spp = 16,
-    size: Size = "64x64",
-    shader: EquivalenceShader = "path_tracer",
-    margin: Margin = 0.005,
-    tile_margin: TileMargin = 0.05,
-    seed: FirstSeed = 1,
-    same_seeds: SameSeeds = False,
-    define: Define = None,
-    allow_imports: AllowImports = False,
-    allow_commands: AllowCommands = False,
-    allow_outside: AllowOutside = False,
-) -> None:
-    """Bound the difference of engines' images, in the mean and in any tile. Exit code 1 if they are different."""
-    image = replicates, spp, size, shader, (margin, tile_margin), seed, same_seeds
-    raise typer.Exit(_equivalence(scene, names([engines]), *image, (allow_imports, allow_commands, allow_outside), define))
-
-
-former_command("trace", "race SCENE --rays all")(rays.trace)
 command(IMAGES)(conversion.convert)
-former_command("export", "convert SCENE -o FILE.xml, or .pbrt")(conversion.export)
-former_command("import", "convert SCENE.xml -o FOLDER")(conversion.import_)
 
 
 @command(ENGINES, name="list")
@@ -483,19 +377,6 @@ def list_(
         show()
     else:
         print_schema(schema)
-
-
-@former_command("schema", "list --schema KIND")
-def schema(
-    kind: Annotated[
-        str,
-        typer.Argument(metavar="KIND", help="Kind of file: experiment or scene.", autocompletion=words("experiment", "scene")),
-    ] = "experiment",
-) -> None:
-    """Print the JSON schema of experiment or scene files, for editors."""
-    from harness.cli.listing import print_schema
-
-    print_schema(kind)
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""The command `raybench convert`: scenes for other renderers, and from one; `export` and `import` are its former names."""
+"""The command `raybench convert`: scenes for other renderers, and from one."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from harness.cli.options import AllowImports, AllowOutside, Define, Scene, parameters_of, words
+from harness.cli.options import AllowImports, AllowOutside, Define, Scene, parameters_of
 
 FORMATS = {".xml": "mitsuba", ".pbrt": "pbrt"}
 """Suffixes of files for other renderers; a folder, or scene.yaml in it, is a raybench scene."""
@@ -32,58 +32,20 @@ def convert(
 ) -> None:
     """Convert a scene to Mitsuba's or pbrt's format, or one of Mitsuba's, or a mesh, to raybench's."""
     from engines.errors import ConfigError
+    from engines.peers.export import export
+    from engines.scene import load_scene
+    from harness.config import paths
 
     suffix = output.suffix.lower()
     if suffix in FORMATS:
-        export(scene, FORMATS[suffix], output, max_depth, spp, define, allow_imports, allow_outside)
+        held = load_scene(paths.find("scenes", scene), allow_imports, allow_outside, parameters_of(define))
+        typer.echo(f"written: {export(held, FORMATS[suffix], output, max_depth, spp)}")
     elif output.name in ("scene.yaml", "scene.yml"):
         _write_scene(scene, output.parent, define, allow_imports, allow_outside)
     elif not suffix or output.is_dir():
         _write_scene(scene, output, define, allow_imports, allow_outside)
     else:
         raise ConfigError(f"-o {output}: a file that ends in .xml or .pbrt is expected, or a folder")
-
-
-def export(
-    scene: Scene,
-    to: Annotated[
-        str,
-        typer.Option(
-            "--to",
-            metavar="mitsuba|pbrt",
-            help="Mitsuba 3's XML, or pbrt-v4's format.",
-            autocompletion=words("mitsuba", "pbrt"),
-        ),
-    ],
-    output: Annotated[Path, typer.Option("--out", "-o", help="A file, or a folder for it; meshes go beside it.")],
-    max_depth: Annotated[int, typer.Option(min=1, help="Largest number of segments of a path.")] = 6,
-    spp: Annotated[int, typer.Option(min=1, help="Samples per pixel.")] = 64,
-    define: Define = None,
-    allow_imports: AllowImports = False,
-    allow_outside: AllowOutside = False,
-) -> None:
-    """Write a scene for another renderer, with its camera and a path integrator."""
-    from engines.peers.export import export as exported
-    from engines.scene import load_scene
-    from harness.config import paths
-
-    held = load_scene(paths.find("scenes", scene), allow_imports, allow_outside, parameters_of(define))
-    typer.echo(f"written: {exported(held, to, output, max_depth, spp)}")
-
-
-def import_(
-    scene: Annotated[str, typer.Argument(metavar="SCENE", help="A Mitsuba file, of version 0.4 to 3.x.")],
-    output: Annotated[Path, typer.Option("--out", "-o", help="A folder; scene.yaml in it is replaced.")],
-    define: Define = None,
-    allow_outside: AllowOutside = False,
-) -> None:
-    """Write a Mitsuba scene as a raybench scene: YAML, with its meshes and images beside it."""
-    from engines.errors import ConfigError
-    from harness.config import paths
-
-    if paths.find("scenes", scene).suffix.lower() != ".xml":
-        raise ConfigError(f"{scene}: a Mitsuba file, .xml, is expected")
-    _write_scene(scene, output, define, False, allow_outside)
 
 
 def _write_scene(scene: str, output: Path, define: list[str] | None, allow_imports: bool, allow_outside: bool) -> None:

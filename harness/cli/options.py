@@ -10,6 +10,8 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from harness.cli.former import renamed, translated
+
 DEFAULT_ENGINE = "numba"
 """The engine of `render` and `view`; their threads are all usable cores."""
 
@@ -22,39 +24,14 @@ def _untyped(params: list[Any]) -> list[Any]:
     return params
 
 
-FORMER_OPTIONS = {"--output": "--out", "--engines": "--engine"}
-"""Options that scripts may still have, and what they are called now."""
-
-
 class Command(TyperCommand):
-    """A command whose help gives flags no type, and that takes `FORMER_OPTIONS`."""
+    """A command whose help gives flags no type, and that takes former options."""
 
     def get_params(self, ctx: Any) -> list[Any]:
         return _untyped(super().get_params(ctx))
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        return super().parse_args(ctx, [_renamed(word) for word in args])
-
-
-def _renamed(word: str) -> str:
-    """A word of the command line, a former option under its present name, with a line on stderr."""
-    name, equals, value = word.partition("=")
-    if name not in FORMER_OPTIONS:
-        return word
-    typer.echo(f"raybench: note: {name} is now {FORMER_OPTIONS[name]}", err=True)
-    return f"{FORMER_OPTIONS[name]}{equals}{value}"
-
-
-def former(name: str, now: str, base: type[Command] = Command) -> type[Command]:
-    """The class of a command that goes by another name now: called by its own, it says so in a line on stderr."""
-
-    class Former(base):
-        def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
-            if info_name == name:
-                typer.echo(f"raybench: note: `raybench {name}` is now `raybench {now}`", err=True)
-            return super().make_context(info_name, args, parent, **extra)
-
-    return Former
+        return super().parse_args(ctx, [renamed(word) for word in args])
 
 
 def names(given: Sequence[str] | None) -> list[str]:
@@ -63,10 +40,13 @@ def names(given: Sequence[str] | None) -> list[str]:
 
 
 class Group(TyperGroup):
-    """The program, whose help gives flags no type."""
+    """The program, whose help gives flags no type, and that takes former commands."""
 
     def get_params(self, ctx: Any) -> list[Any]:
         return _untyped(super().get_params(ctx))
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        return super().resolve_command(ctx, translated(args))
 
     def invoke(self, ctx: Any) -> Any:
         try:

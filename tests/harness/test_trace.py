@@ -1,11 +1,9 @@
 """Cells that trace rays, and their command: planted faults are counted to the last ray, and rays are cells as others are."""
 
-import inspect
 import json
 import os
 import shlex
 import shutil
-from dataclasses import asdict
 from pathlib import Path
 from statistics import geometric_mean
 from types import SimpleNamespace
@@ -20,9 +18,7 @@ from engines.scene import load_scene
 from harness import config, store
 from harness.analysis.rays import ray_races
 from harness.cli import app, experiments
-from harness.cli.rays import trace
 from harness.config import paths
-from harness.config.sections import RaySets
 from harness.config.settings import SceneFile
 from harness.measure import jobs, scratch, tracing
 from harness.measure.contention import Disturbance
@@ -303,7 +299,6 @@ def test_a_command_that_all_engines_decline_exits_with_2(tmp_path):
         (["cornell_box", "--engine", "my:engine"], "run with --allow-imports if you trust it"),
         (["cornell_box", "--engine", "numpy", "--accelerator", "octree"], "unknown accelerator"),
         (["cornell_box", "--count", "3"], "count = 3: must be an integer in [16,"),
-        (["cornell_box", "--repeats", "0"], "repeats = 0: must be an integer in [1,"),
         (["cornell_box", "--max-time", "2"], "max_time = '2': must be a time with its unit"),
         (["cornell_box", "--precision", "half"], "precision[0] = 'half': must be one of float64, float32"),
         (["cornell_box", "--baseline", "embreee"], "baseline = 'embreee': no engine of this experiment"),
@@ -334,11 +329,6 @@ def test_a_file_is_refused_where_it_is_wrong(tmp_path):
         ConfigError, match=r"small.yaml:1: 'raybench_experiment: 1' is expected; comparisons by rays are experiments"
     ):
         config.load(path)
-
-
-def test_defaults_of_the_command_are_those_of_experiments():
-    defaults = {name: parameter.default for name, parameter in inspect.signature(trace).parameters.items()}
-    assert asdict(RaySets()).items() <= defaults.items()
 
 
 def test_a_cell_s_command_traces_it_again(tmp_path, monkeypatch):

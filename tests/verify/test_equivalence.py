@@ -90,4 +90,4 @@ def test_the_command_compares_and_refuses_one_engine_alone():
     assert "numpy and numpy draw the same numbers, and their images are identical up to rounding in 100 %" in again.output
     assert "image means differ by at most 0 %, no tile by more than 0 %" in again.output
     refused = CliRunner().invoke(app, [*arguments, "numpy"])
-    assert refused.exit_code != 0 and "two or more" in str(refused.exception)
+    assert refused.exit_code != 0 and "--engine is expected, too" in str(refused.exception)

@@ -24,18 +24,10 @@ def export(scene: Scene, form: str, path: str | Path, max_depth: int = 6, spp: i
     beside the file. Raises `UnknownName` for other forms, `ConfigError` for a file that cannot be written, and `Unsupported`
     for what that renderer does not support.
     """
-    if form not in WRITERS:
-        raise UnknownName("renderer to export to", form, WRITERS)
+    file = file_of(form, path, Path(scene.source).stem or "scene")
     if refusal := refusal_of(scene):
         raise Unsupported(refusal)
-    suffix, write = WRITERS[form]
-    file = Path(path)
-    if file.is_dir() or not (file.suffix or file.exists()):
-        file = file / f"{Path(scene.source).stem or 'scene'}{suffix}"
-    if file.suffix.lower() != suffix:
-        raise ConfigError(f"{path}: must end in {suffix}, or be a folder")
-    if file.is_dir():
-        raise ConfigError(f"{file}: is a folder; a file is expected")
+    _, write = WRITERS[form]
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         write(scene, file, max_depth, spp)
@@ -44,4 +36,20 @@ def export(scene: Scene, form: str, path: str | Path, max_depth: int = 6, spp: i
     return file
 
 
-__all__ = ["WRITERS", "export", "write_mitsuba", "write_pbrt"]
+def file_of(form: str, path: str | Path, stem: str) -> Path:
+    """The file that `path` stands for, a file of a form's suffix or a folder for one of the name `stem`. Raises `UnknownName`
+    for other forms, and `ConfigError`."""
+    if form not in WRITERS:
+        raise UnknownName("renderer to export to", form, WRITERS)
+    suffix, _ = WRITERS[form]
+    file = Path(path)
+    if file.is_dir() or not (file.suffix or file.exists()):
+        file = file / f"{stem}{suffix}"
+    if file.suffix.lower() != suffix:
+        raise ConfigError(f"{path}: must end in {suffix}, or be a folder")
+    if file.is_dir():
+        raise ConfigError(f"{file}: is a folder; a file is expected")
+    return file
+
+
+__all__ = ["WRITERS", "export", "file_of", "write_mitsuba", "write_pbrt"]
