@@ -85,6 +85,9 @@ def render(
             help="linear, srgb, reinhard, aces or module:attribute; not for .exr.", autocompletion=named("TONE_MAPPERS")
         ),
     ] = "srgb",
+    exposure: Annotated[
+        float, typer.Option(min=-30, max=30, metavar="STOPS", help="Brighten the image by so many stops; not for .exr.")
+    ] = 0.0,
     output: Annotated[Path | None, typer.Option("--out", "-o", help=_FILE, show_default="<scene>.exr")] = None,
     define: Define = None,
     allow_imports: AllowImports = False,
@@ -101,7 +104,7 @@ def render(
     chosen = {"shader": shader, "sampler": sampler, "accelerator": accelerator}
     image = threads, spp, size, seed, precision, tone_mapper, output
     allowed = allow_imports, allow_commands, allow_outside
-    rendered(Request(scene, engine, chosen, *image, *allowed, parameters_of(define)))
+    rendered(Request(scene, engine, chosen, *image, *allowed, parameters_of(define), exposure))
 
 
 def dahlquist(

@@ -36,7 +36,8 @@ DEFAULTS = {"shader": "path_tracer", "sampler": "sobol", "accelerator": "auto"}
 
 class Request(NamedTuple):
     """The command line. `chosen` has shader, sampler and accelerator as YAML text. An empty shader is the one that the scene
-    suggests, an empty sampler sobol, or random where the engine lacks that. `parameters` are those of a Mitsuba file."""
+    suggests, an empty sampler sobol, or random where the engine lacks that. `parameters` are those of a Mitsuba file. The tone
+    mapper is given the image brightened by `exposure` stops."""
 
     scene: str
     engine: str
@@ -52,6 +53,7 @@ class Request(NamedTuple):
     allow_commands: bool = False
     allow_outside: bool = False
     parameters: Mapping[str, str] = {}
+    exposure: float = 0.0
 
 
 def render(request: Request) -> Film:
@@ -91,7 +93,7 @@ def render(request: Request) -> Film:
     film = renderer.render(spp=request.spp)
     seconds = perf_counter() - start
     provenance = _provenance(request, settings, chosen, scene.identity, engine, seconds, scene.warnings)
-    film.save(output, provenance=provenance, tone_mapper=mapper)
+    film.save(output, provenance=provenance, tone_mapper=lambda radiance: mapper(radiance * 2.0**request.exposure))
     _print_summary(console, film, seconds, clock.rays_traced(renderer), output)
     return film
 
