@@ -14,7 +14,7 @@ from collections.abc import Callable
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
-from engines.errors import ConfigError, RaybenchError, UnknownName
+from engines.errors import ConfigError, UnknownName
 from engines.imports import imported
 from engines.interface import Engine
 
@@ -146,21 +146,6 @@ def _loaded(name: str) -> Any:
 def lineage_of(engine: Engine) -> str:
     """What an engine shares its code with, and so its errors: its attribute `lineage`, or its own name."""
     return str(getattr(engine, "lineage", engine.name))
-
-
-def all_engines() -> list[Engine]:
-    """Every engine that can be had by name; one that cannot is left out with a warning that says why."""
-    found = []
-    for name in engine_names():
-        try:
-            made = engine(name)
-            made.accelerators()
-            found.append(made)
-        except RaybenchError as error:
-            warnings.warn(f"{error}: it is left out", stacklevel=2)
-        except Exception as error:  # what others wrote may fail in any way
-            warnings.warn(f"engine {name!r}: {type(error).__name__}: {error}: it is left out", stacklevel=2)
-    return found
 
 
 def is_file(name: str) -> bool:

@@ -28,15 +28,12 @@ def history(
 
     Writes history.csv, history.md and history.png.
     """
-    from rich.markup import escape
-    from rich.table import Table
-
     from engines.errors import ConfigError
     from harness.cli import results
     from harness.console import consoles
     from harness.report.plots.figures import save, style
     from harness.report.plots.history import history_figure
-    from harness.report.tables import cell_text, csv_text, markdown_text, regressions
+    from harness.report.tables import csv_text, markdown_text, regressions
     from harness.report.tables import history as made
     from harness.store import events
     from harness.store.atomic import write_text
@@ -52,13 +49,7 @@ def history(
     console = consoles()[0]
     console.print(table.note, markup=False, soft_wrap=True)
     quiet = ("", "same", "unresolved")
-    shown = [row for row in table.rows if everything or row["verdict"] not in quiet]
-    if shown:
-        columns = table.columns[:-1]
-        printed = Table(*(column.heading for column in columns), box=None, header_style="bold")
-        for row in shown:
-            printed.add_row(*(escape(cell_text(column, row.get(column.name))) for column in columns))
-        console.print(printed)
+    results.print_rows(table, [row for row in table.rows if everything or row["verdict"] not in quiet])
     out = output or folder
     out.mkdir(parents=True, exist_ok=True)
     for suffix, text in (("csv", csv_text), ("md", markdown_text)):

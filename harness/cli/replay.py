@@ -92,20 +92,12 @@ def experiment_of(folder: Path) -> ConfigFile:
 
 def _say(console: Console, found: Table, there: Analysis, here: Analysis, everything: bool) -> None:
     """Prints what was not reproduced, or everything, then counts."""
-    from rich.markup import escape
-    from rich.table import Table as Printed
-
-    from harness.report.tables import cell_text
+    from harness.cli.results import print_rows
     from harness.report.tables.reproduction import differences_of_machines
 
     for words in differences_of_machines(there.results, here.results):
         console.print(words, markup=False, soft_wrap=True)
-    shown = [row for row in found.rows if everything or row.get("reproduced") is not True]
-    if shown:
-        printed = Printed(*(column.heading for column in found.columns[:-1]), box=None, header_style="bold")
-        for row in shown:
-            printed.add_row(*(escape(cell_text(column, row.get(column.name))) for column in found.columns[:-1]))
-        console.print(printed)
+    print_rows(found, [row for row in found.rows if everything or row.get("reproduced") is not True])
     for kind, rows in (
         ("images", [row for row in found.rows if row["what"] == "image"]),
         ("ratios", [row for row in found.rows if row["what"] != "image"]),

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rich.markup import escape
 from rich.table import Table
@@ -18,7 +18,7 @@ from harness.processes import allow_here
 from harness.store import atomic
 
 if TYPE_CHECKING:
-    from harness.analysis import Analysis
+    from harness.analysis import Analysis, columns
     from harness.report.plugins import Plugin
 
 NO_CHANGE = ("identical", "equivalent", "unresolved")
@@ -36,6 +36,18 @@ def require_folders(folders: Sequence[Path], where: str) -> None:
         raise ConfigError(f"{where}: a results folder is missing")
     for folder in folders:
         require_results(folder)
+
+
+def print_rows(found: columns.Table, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Prints rows of a table without its last column, which is for files."""
+    from harness.report.tables import cell_text
+
+    shown = found.columns[:-1]
+    printed = Table(*(column.heading for column in shown), box=None, header_style="bold")
+    for row in rows:
+        printed.add_row(*(escape(cell_text(column, row.get(column.name))) for column in shown))
+    if rows:
+        consoles()[0].print(printed)
 
 
 def analysed(folder: Path) -> Analysis:
@@ -148,7 +160,7 @@ def compare(
     before: Sequence[Path], after: Sequence[Path], everything: bool, output: Path | None, threshold: float | None
 ) -> int:
     """Prints the ratios of two sides of results folders, and the images that changed, or all; the number of regressions."""
-    from harness.report.tables import TEXTS, cell_text, changes
+    from harness.report.tables import TEXTS, changes
     from harness.store.results import load_results
 
     suffix = None if output is None else check_file(output, [f".{name}" for name in TEXTS])
@@ -159,12 +171,7 @@ def compare(
     shown = [row for row in changed.rows if everything or row.get("ratio") or row["verdict"] not in NO_CHANGE]
     console = consoles()[0]
     console.print(changed.note, markup=False, soft_wrap=True)
-    if shown:
-        columns = changed.columns[:-1]
-        table = Table(*(column.heading for column in columns), box=None, header_style="bold")
-        for row in shown:
-            table.add_row(*(escape(cell_text(column, row.get(column.name))) for column in columns))
-        console.print(table)
+    print_rows(changed, shown)
     if not changed.rows:
         console.print("Nothing to compare.")
     elif left := len(changed.rows) - len(shown):

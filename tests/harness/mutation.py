@@ -255,22 +255,8 @@ def rescore(folder: Path, other: Path, scratch: Path) -> None:
     again(folder)
 
 
-def chapter(folder: Path, other: Path, scratch: Path) -> None:
-    from harness.report.chapter import write_chapter
-
-    write_chapter([folder], scratch / "chapter")
-
-
-def plots(folder: Path, other: Path, scratch: Path) -> None:
-    from harness.report import write_derived
-
-    write_derived(folder)
-
-
 READERS: tuple[Callable[[Path, Path, Path], None], ...] = (report, status, compare, merge, archive, rescore)
 """`rescore` comes last: it changes the folder."""
-WITH_FIGURES = (chapter, plots)
-"""They take seconds."""
 
 
 def outcomes(whole: Path, work: Path, seed: int, readers: Any = READERS) -> Iterator[tuple[str, str, str]]:

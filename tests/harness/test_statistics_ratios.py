@@ -161,7 +161,7 @@ def test_same_holds_in_95_percent_at_its_margin():
     assert wrong / 1000 <= at_most(0.055, 1000)
 
 
-def testholm_steps_down():
+def test_holm_steps_down():
     p = np.array([0.01, 0.04, 0.02, math.nan, 0.001])
     adjusted = holm(p, np.array([True, True, True, True, False]))
     assert adjusted[[0, 1, 2, 4]].tolist() == pytest.approx([0.03, 0.04, 0.04, 0.001]) and math.isnan(adjusted[3])

@@ -88,11 +88,8 @@ def test_a_broken_one_that_is_asked_for_is_an_error_that_names_it(installed, nam
 def test_who_asks_for_all_engines_is_warned_of_the_broken_ones(installed, monkeypatch, tmp_path):
     monkeypatch.setattr(registry, "engine_names", lambda: ["cutout", *BROKEN])
     with pytest.warns(UserWarning) as warned:
-        found = registry.all_engines()
-    said = " ".join(str(warning.message) for warning in warned)
-    assert [engine.name for engine in found] == ["cutout"]
-    assert all(words in said for words in BROKEN.values())
-    with pytest.warns(UserWarning, match="broken_import"):
         assert verify(VerifyOptions(["all"], quick=True, only=["T1"], out=tmp_path)) == 0
+    said = " ".join(str(warning.message) for warning in warned)
+    assert all(words in said for words in BROKEN.values())
     outcomes = json.loads((tmp_path / "verify.json").read_text())["outcomes"]
     assert set(outcomes) == {"pass"}, "an engine without Sobol is checked, too"

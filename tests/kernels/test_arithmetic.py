@@ -13,6 +13,7 @@ from engines.kernels.lane.exponential import erfcx, exp, log
 from engines.kernels.lane.fresnel import refract
 from engines.kernels.lane.vector import Vec3, dot, sin_cos_turn, tangents
 from engines.kernels.stages import sampler
+from tests.numpy_reference.small_scenes import GLASS_REFLECTANCE
 
 TYPES = [np.float32, np.float64]
 
@@ -80,18 +81,7 @@ def _reflectance(cos, eta):
     return refract(Vec3(np.sqrt(1.0 - cos * cos), 0.0, -cos), Vec3(0.0, 0.0, 1.0), eta).reflectance
 
 
-@pytest.mark.parametrize(
-    ("degrees", "expected"),
-    [
-        (0, 0.04),
-        (30, 0.04152262597582152),
-        (45, 0.05023991101223595),
-        (60, 0.08918671280221274),
-        (75, 0.2530605629903197),
-        (80, 0.3877043546914725),
-        (89, 0.9041849497801886),
-    ],
-)
+@pytest.mark.parametrize(("degrees", "expected"), GLASS_REFLECTANCE)
 def test_fresnel_reflectance_from_outside_glass(degrees, expected):
     assert _reflectance(np.cos(np.radians(degrees)), 1.5) == pytest.approx(expected, rel=1e-12)
 

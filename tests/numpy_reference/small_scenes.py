@@ -22,6 +22,16 @@ def material(kd=0.0, ks=0.0, kt=0.0, emission=0.0, **more):
 
 
 GLASS = material(ks=1, kt=1, ior=1.5, fresnel=True)
+GLASS_REFLECTANCE = (
+    (0, 0.04),
+    (30, 0.04152262597582152),
+    (45, 0.05023991101223595),
+    (60, 0.08918671280221274),
+    (75, 0.2530605629903197),
+    (80, 0.3877043546914725),
+    (89, 0.9041849497801886),
+)
+"""Of glass from outside: degrees and Fresnel's reflectance."""
 
 
 def scene(shapes=(), materials=(), lights=(), camera=AHEAD):

@@ -10,6 +10,7 @@ from engines.scene import EnvironmentLight, Mesh, Perspective, Plane, Sphere
 from tests.numpy_reference.small_scenes import (
     AHEAD,
     GLASS,
+    GLASS_REFLECTANCE,
     box_mesh,
     image,
     material,
@@ -26,19 +27,7 @@ SKY = EnvironmentLight((1.0, 1.0, 1.0))
 LONG = path_tracer(max_depth=2000)
 
 
-@pytest.mark.parametrize(
-    ("degrees", "expected"),
-    [
-        (0, 0.04),
-        (30, 0.04152262597582152),
-        (45, 0.05023991101223595),
-        (60, 0.08918671280221274),
-        (75, 0.2530605629903197),
-        (80, 0.3877043546914725),
-        (89, 0.9041849497801886),
-        (90, 1.0),
-    ],
-)
+@pytest.mark.parametrize(("degrees", "expected"), [*GLASS_REFLECTANCE, (90, 1.0)])
 def test_reflectance_from_outside(degrees, expected):
     reflectance, _ = fresnel_dielectric(np.array([np.cos(np.radians(degrees))]), np.array([1.5]))
     assert abs(reflectance[0] - expected) < 1e-14
