@@ -5,6 +5,7 @@ furnished scenes are kept as JPEG files, the small ones as PNG files.
 """
 
 import re
+import shlex
 import subprocess
 import sys
 import tempfile
@@ -39,19 +40,23 @@ SAMPLES = {
     "many_lights": 1024,
     "metals": 1024,
     "mobilert_cornell": 16,
-    "door": 1024,
+    "door": 2048,
     "mobilert_cornell2": 2048,
 }
 """Of the others, where it is not 256."""
-SHADERS = {"mobilert_cornell": "whitted"}
-"""Whose picture is by another shader: its light hangs a centimetre below the ceiling, and no path finds that spot in time."""
+OPTIONS = {
+    "door": ["--shader", "{name: path_tracer, guiding: sd_tree}", "--tone-mapper", "reinhard", "--exposure", "5"],
+    "mobilert_cornell": ["--engine", "numpy", "--shader", "whitted"],
+}
+"""Of pictures that are made in another way: hardly any light passes the door; the other's light hangs a centimetre below the
+ceiling, and no path finds that spot in time."""
 COLUMNS = 4
 TEST_SCENES = """## Test scenes
 
 {}
 
-The small pictures are made by commands like this one, with the samples per pixel of the table; `mobilert_cornell` is made with
-`--engine numpy --shader whitted`.
+The small pictures are made by commands like this one, with the samples per pixel of the table,
+{}.
 
 ```console with --engine numba --precision float64 --size 48x32 --spp 2 -o cornell_box.png
 $ {}
@@ -76,11 +81,10 @@ PORT_COMMAND = "raybench render dahlquist --size 160x160 --calls 11 --probe smoo
 def command(name: str) -> list[str]:
     width, height = map(int, re.findall(r"resolution: \[(\d+), (\d+)\]", (SCENES / f"{name}.yaml").read_text())[0])
     size = "1280x720" if name in FURNISHED else f"{160 * width // height}x160"
-    how = ["--engine", "numba" if name in FURNISHED else "embree", "--precision", "float32"]
-    if name in SHADERS:
-        how = ["--engine", "numpy", "--shader", SHADERS[name]]
+    options = OPTIONS.get(name, [])
+    how = [] if "--engine" in options else ["--engine", "numba" if name in FURNISHED else "embree", "--precision", "float32"]
     spp = str({**SAMPLES, **FURNISHED}.get(name, 256))
-    return ["raybench", "render", name, *how, "--spp", spp, "--size", size, "-o", f"{name}.png"]
+    return ["raybench", "render", name, *how, *options, "--spp", spp, "--size", size, "-o", f"{name}.png"]
 
 
 def words(name: str) -> str:
@@ -104,7 +108,8 @@ def test_scenes(names: list[str]) -> str:
         rows += [pictures, *([[":---:"] * COLUMNS] if start == 0 else []), [f"`{name}`" for name in row]]
     grid = "\n".join("| " + " | ".join(row + [""] * (COLUMNS - len(row))) + " |" for row in rows)
     table = "\n".join(f"| `{name}` | {words(name)} | {SAMPLES.get(name, 256)} |" for name in names)
-    return TEST_SCENES.format(grid, " ".join(command("cornell_box")), table, PORT_COMMAND)
+    others = ", and\n".join(f"`{name}` with `{shlex.join(options)}`" for name, options in OPTIONS.items())
+    return TEST_SCENES.format(grid, others, " ".join(command("cornell_box")), table, PORT_COMMAND)
 
 
 def draw(line: list[str]) -> None:
