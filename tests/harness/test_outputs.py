@@ -1,5 +1,6 @@
 """Every option `-o`: what cannot be written is refused in one sentence, before a scene is read or anything is drawn."""
 
+import numpy as np
 import pytest
 from PIL import Image
 from typer.testing import CliRunner
@@ -79,3 +80,14 @@ def test_render_writes_an_image_of_the_format_of_its_suffix(suffix, place):
     assert done.exit_code == 0, done.output
     with Image.open(place / f"x{suffix}") as image:
         assert image.size == (8, 6) and image.format == Image.registered_extensions()[suffix.lower()]
+
+
+def test_an_exposure_brightens_the_image_by_its_stops(place):
+    arguments = ["render", "cornell_box", "--engine", "numpy", "--spp", "1", "--size", "8x6", "--tone-mapper", "linear"]
+    values = []
+    for name, more in (("dark.png", []), ("bright.png", ["--exposure", "1"])):
+        done = CliRunner().invoke(app, [*arguments, "--shader", "albedo", *more, "-o", name])
+        assert done.exit_code == 0, done.output
+        values.append(np.asarray(Image.open(name)).astype(int))
+    dark, bright = values
+    assert dark.max() > 0 and np.abs(bright - np.minimum(2 * dark, 255)).max() <= 1
