@@ -11,6 +11,7 @@ from harness.cli.options import AllowImports, AllowOutside, Define, Scene, param
 
 FORMATS = {".xml": "mitsuba", ".pbrt": "pbrt"}
 """Suffixes of files for other renderers; a folder, or scene.yaml in it, is a raybench scene."""
+SUFFIXES = {name: suffix for suffix, name in FORMATS.items()}
 
 
 def convert(
@@ -67,7 +68,9 @@ def export(
     from engines.scene import load_scene
     from harness.config import paths
 
-    held = load_scene(paths.find("scenes", scene), allow_imports, allow_outside, parameters_of(define))
+    file = paths.find("scenes", scene)
+    _keep(file, output / f"{file.stem}{SUFFIXES[to]}" if output.is_dir() and to in SUFFIXES else output)
+    held = load_scene(file, allow_imports, allow_outside, parameters_of(define))
     typer.echo(f"written: {exported(held, to, output, max_depth, spp)}")
 
 
@@ -93,7 +96,17 @@ def _write_scene(scene: str, output: Path, define: list[str] | None, allow_impor
     from harness.console import consoles
 
     file = paths.find("scenes", scene)
+    _keep(file, output / "scene.yaml", output / "meshes" / file.name)
     held = load_scene(file, allow_imports, allow_outside, parameters_of(define))
     for warning in held.warnings:
         consoles()[1].print(f"warning: {file}: {warning}", style="yellow", markup=False, soft_wrap=True)
     typer.echo(f"written: {save_scene(held, output)}")
+
+
+def _keep(file: Path, *written: Path) -> None:
+    """Refuses to write over the scene that is read."""
+    from engines.errors import ConfigError
+
+    for path in written:
+        if path.resolve() == file.resolve():
+            raise ConfigError(f"-o {path}: is the scene to convert: another file or folder is expected")

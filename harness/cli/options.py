@@ -33,16 +33,21 @@ class Command(TyperCommand):
         return _untyped(super().get_params(ctx))
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        return super().parse_args(ctx, [_renamed(word) for word in args])
+        return super().parse_args(ctx, [renamed(word) for word in args])
 
 
-def _renamed(word: str) -> str:
+def renamed(word: str) -> str:
     """A word of the command line, a former option under its present name, with a line on stderr."""
     name, equals, value = word.partition("=")
     if name not in FORMER_OPTIONS:
         return word
     typer.echo(f"raybench: note: {name} is now {FORMER_OPTIONS[name]}", err=True)
     return f"{FORMER_OPTIONS[name]}{equals}{value}"
+
+
+def given(context: Any) -> set[str]:
+    """The names of the parameters that the command line has."""
+    return {name for name in context.params if context.get_parameter_source(name).name == "COMMANDLINE"}
 
 
 def former(name: str, now: str, base: type[Command] = Command) -> type[Command]:
@@ -57,9 +62,9 @@ def former(name: str, now: str, base: type[Command] = Command) -> type[Command]:
     return Former
 
 
-def names(given: Sequence[str] | None) -> list[str]:
+def names(texts: Sequence[str] | None) -> list[str]:
     """The names in a list option: separated by commas, given once or several times."""
-    return [name.strip() for text in given or () for name in text.split(",") if name.strip()]
+    return [name.strip() for text in texts or () for name in text.split(",") if name.strip()]
 
 
 class Group(TyperGroup):
