@@ -75,8 +75,8 @@ def _first(x: Array, error: Array, se: Array, target: float) -> Crossing | None:
 
 def _interpolated(x: Array, error: Array, se: Array, target: float) -> Crossing | None:
     known = np.flatnonzero(np.isfinite(error) & (error > 0) & (x > 0))
-    fit, goal = monotone_fit(np.log(error[known])), math.log(target) if target > 0 else -math.inf
-    below = np.flatnonzero(fit <= goal)
+    fit = monotone_fit(np.log(error[known]))
+    below = np.flatnonzero(fit <= math.log(target))
     nothing_left = np.flatnonzero(error <= 0)
     if nothing_left.size and (below.size == 0 or nothing_left[0] < known[below[0]]):
         at = int(nothing_left[0])
@@ -88,7 +88,7 @@ def _interpolated(x: Array, error: Array, se: Array, target: float) -> Crossing 
     here, relative = x[known], [_relative(error[i], se[i]) for i in known]
     if at == 0:
         return Crossing(Bound(0.0, float(here[0])), "at_first", relative[0])
-    share = float((fit[at - 1] - goal) / (fit[at - 1] - fit[at]))
+    share = float((fit[at - 1] - math.log(target)) / (fit[at - 1] - fit[at]))
     crossing = float(here[at - 1] ** (1 - share) * here[at] ** share)
     return Crossing(Bound(crossing, crossing), "reached", (1 - share) * relative[at - 1] + share * relative[at])
 

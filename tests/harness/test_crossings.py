@@ -6,7 +6,6 @@ import math
 import numpy as np
 import pytest
 
-from harness.metrics import as_error
 from harness.report.tables.model import reached_text
 from harness.statistics import (
     Bound,
@@ -77,13 +76,6 @@ def test_bad_points_never_reach_a_target():
         assert find_crossing([1, 2], [math.nan, math.inf], [0, 0], 10.0, reading).x == (2.0, math.inf)
         assert find_crossing([], [], [], 1.0, reading).x == (0.0, math.inf)
     assert find_crossing([1, 2, 4], [1.0, math.inf, 0.25], [0, 0, 0], 0.5, "interpolated").x.low == pytest.approx(2.0)
-
-
-@pytest.mark.parametrize("reading", ["interpolated", "first"])
-def test_an_error_of_zero_as_that_of_an_ssim_of_one_is_reached_by_no_more(reading):
-    seconds, se = np.array([1.0, 2.0, 4.0]), np.zeros(3)
-    assert find_crossing(seconds, 1 / seconds, se, as_error("ssim", 1.0), reading).state == "censored"
-    assert find_crossing(seconds, [1.0, 0.5, 0.0], se, 0.0, reading).state == "reached"
 
 
 def test_a_dip_of_independent_samples_is_pooled_with_its_successors():
