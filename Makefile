@@ -74,7 +74,7 @@ docs: .venv/.installed-docs
 docs-pictures: .venv/.installed-test
 	@$(BIN)/raybench run configs/quick.yaml --out results/quick
 	@$(BIN)/raybench run configs/stability.yaml --out results/stability
-	@$(BIN)/raybench report results/baseline
+	@$(BIN)/raybench report results/renderers
 	@for program in docs/pictures/*.py; do echo "$$program"; $(BIN)/python "$$program" || exit 1; done
 
 lint: .venv/.installed-test

@@ -237,32 +237,32 @@ def _display_scores(image: Image, mean: Image, finite: bool) -> dict[str, float]
     """Scores of what an eye sees: both images clipped to [0, 1] and sRGB-encoded."""
     if not finite:
         return dict.fromkeys(_display_keys(), math.nan)
-    shown, wanted = srgb(image), srgb(mean)
-    return {key: _DISPLAY[key](shown, wanted) for key in _display_keys()}
+    shown, expected = srgb(image), srgb(mean)
+    return {key: _DISPLAY[key](shown, expected) for key in _display_keys()}
 
 
-def _psnr(shown: Image, wanted: Image) -> float:
-    mse = float(((shown - wanted) ** 2).mean())
+def _psnr(shown: Image, expected: Image) -> float:
+    mse = float(((shown - expected) ** 2).mean())
     return -10.0 * math.log10(mse) if mse > 0 else math.inf
 
 
-def _ssim(shown: Image, wanted: Image) -> float:
+def _ssim(shown: Image, expected: Image) -> float:
     """Wang et al. 2004 with its original window; NaN for images narrower than the window."""
     from skimage.metrics import structural_similarity
 
     if min(shown.shape[:2]) < 11:
         return math.nan
     score = structural_similarity(
-        shown, wanted, channel_axis=2, data_range=1.0, gaussian_weights=True, sigma=1.5, use_sample_covariance=False
+        shown, expected, channel_axis=2, data_range=1.0, gaussian_weights=True, sigma=1.5, use_sample_covariance=False
     )
     return float(np.mean(score))
 
 
-def _flip(shown: Image, wanted: Image) -> float:
+def _flip(shown: Image, expected: Image) -> float:
     """Andersson et al. 2020. The evaluator hides NaN: only finite images may come here."""
     import flip_evaluator  # pyright: ignore[reportMissingImports]
 
-    pair = (np.ascontiguousarray(wanted, np.float32), np.ascontiguousarray(shown, np.float32))
+    pair = (np.ascontiguousarray(expected, np.float32), np.ascontiguousarray(shown, np.float32))
     return float(flip_evaluator.evaluate(*pair, "LDR", applyMagma=False)[1])
 
 

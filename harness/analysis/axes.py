@@ -1,6 +1,7 @@
 """Contestants that are equal in all settings but those of some axes, and in what two of them differ.
 
-An axis is a setting (engine, accelerator, shader, sampler, precision, threads) or an option of a choice (`light_sampler`).
+An axis is a setting (engine, accelerator, shader, sampler, precision, threads) or an option of a choice (`light_sampler`;
+`accelerator.threads` where a setting, or another choice, has one of that name, too).
 `auto` of two engines is one setting. The accelerator counts as part of the engine where two engines have none in common and one
 of them has a single one.
 """
@@ -15,7 +16,7 @@ from engines.choices import Choice
 from engines.registry import split
 from harness.config.settings import Combination
 from harness.store.records import Settings
-from harness.store.results import CHOICES, Contestant, Results
+from harness.store.results import AXES, CHOICES, Contestant, Results
 
 SETTINGS = ("engine", "accelerator", "shader", "sampler", "precision", "threads")
 """The settings in which contestants of a race may differ."""
@@ -65,8 +66,13 @@ def differences(one: Settings, other: Settings, accelerators: Mapping[str, set[C
         if here == there or (key == "accelerator" and _of_the_engine(one, other, accelerators)):
             continue
         same_name = key in CHOICES and here.name == there.name
-        found += _options(here, there) if same_name else [key]
+        found += _options(key, one, other) if same_name else [key]
     return found
+
+
+def option_of(axis: str) -> str:
+    """The name of the option that an axis is, without that of its choice."""
+    return axis.rpartition(".")[2]
 
 
 def _of_the_engine(one: Settings, other: Settings, accelerators: Mapping[str, set[Choice]]) -> bool:
@@ -80,9 +86,12 @@ def _of_the_engine(one: Settings, other: Settings, accelerators: Mapping[str, se
     return not shared and 1 in (len(here), len(there))
 
 
-def _options(one: Choice, other: Choice) -> list[str]:
-    names = dict.fromkeys([*one.options, *other.options])
-    return [name for name in names if one.options.get(name) != other.options.get(name)]
+def _options(key: str, one: Settings, other: Settings) -> list[str]:
+    """The options in which two choices of one name differ; with the choice, where a setting or another choice has the name."""
+    here, there = getattr(one, key).options, getattr(other, key).options
+    taken = {*AXES, *(name for rest in CHOICES if rest != key for side in (one, other) for name in getattr(side, rest).options)}
+    names = [name for name in dict.fromkeys([*here, *there]) if here.get(name) != there.get(name)]
+    return [f"{key}.{name}" if name in taken else name for name in names]
 
 
 # --- the order in which a config writes contestants -----------------------------------------------------------------

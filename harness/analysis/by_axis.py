@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from engines.choices import Choice
+from harness.analysis.axes import option_of
 from harness.analysis.baselines import SEVERAL, Baselines, Further
 from harness.analysis.comparisons import PAIRS, RATIOS, Spreads, comparisons, why_no_ratio
 from harness.analysis.model import PER_SAMPLE, Frame, Verdict, group_of, raced_together
@@ -144,8 +145,9 @@ def _shared(found: Further, choices: Choices) -> dict[str, str]:
         ):
             del words[key]
         elif key in CHOICES and getattr(own, key) != getattr(other, key):
-            rest = [_without(each, found.axis) for each in choices[scope(key, found.contestant)]]
-            words[key] = brief_choice(_without(getattr(own, key), found.axis), rest)
+            option = option_of(found.axis)
+            rest = [_without(each, option) for each in choices[scope(key, found.contestant)]]
+            words[key] = brief_choice(_without(getattr(own, key), option), rest)
     return words
 
 
@@ -162,4 +164,4 @@ def _value(axis: str, one: Contestant, other: Contestant, choices: Choices) -> s
     if axis in AXES:
         return words[axis]
     pairs = ((getattr(one.settings, key), getattr(other.settings, key)) for key in CHOICES)
-    return next(str(own.options.get(axis)) for own, theirs in pairs if own != theirs)
+    return next(str(own.options.get(option_of(axis))) for own, theirs in pairs if own != theirs)

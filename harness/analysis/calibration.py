@@ -31,7 +31,7 @@ class Figure(NamedTuple):
 
     name: str
     value: str
-    wanted: str = ""
+    expected: str = ""
     holds: bool | None = None
 
 

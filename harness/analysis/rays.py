@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from engines.choices import Choice
+from harness.analysis.comparisons import clock_steps
 from harness.config.experiment import PREFERRED_BASELINES
 from harness.config.settings import RAY_KINDS, Combination
 from harness.statistics import (
@@ -135,7 +136,8 @@ def _stands_for(written: Combination, found: RaySettings) -> bool:
 
 
 class _Times:
-    """The times of a race: ln seconds a pass, of its members that are measured and not broken."""
+    """The times of a race: ln seconds a pass, of its members that are measured and not broken; `clock` is what
+    it resolves of these, for each pass is timed."""
 
     def __init__(self, group: Sequence[RayContestant]) -> None:
         self.group = group
@@ -147,13 +149,14 @@ class _Times:
         for row in self.timed:
             for cell in group[row].timed:
                 self.logs[row, np.searchsorted(blocks, cell.block)] = math.log(cell.seconds / cell.passes)
+        self.clock = clock_steps(self.logs)
 
     @property
     def twin_pairs(self) -> list[TwinPair]:
         rows = {self.group[row].settings: row for row in self.timed}
         twins = [(rows.get(replace(one, label="")), row) for one, row in rows.items() if one.label]
         known = [(original, twin) for original, twin in twins if original is not None]
-        return twin_pairs(self.logs, self.logs, known, ranked=self.ranked)
+        return twin_pairs(self.logs, self.logs, known, ranked=self.ranked, clock=self.clock)
 
     def raced(self, spread: PersistentSpread, same_within: float) -> list[RayContestant]:
         """The contestants with their ratios to the first that is measured, none of them broken."""
@@ -162,6 +165,6 @@ class _Times:
         base = int(np.flatnonzero(self.ranked)[0])
         others = [row for row in self.timed if row != base]
         compared = [(row, base) for row in others]
-        found = race(self.logs, self.logs, compared, spread, ranked=self.ranked, margin=same_within)
+        found = race(self.logs, self.logs, compared, spread, ranked=self.ranked, clock=self.clock, margin=same_within)
         ratios = dict(zip(others, found.ratios, strict=True))
         return [replace(one, baseline=row == base, ratio=ratios.get(row), spread=spread) for row, one in enumerate(self.group)]

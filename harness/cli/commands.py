@@ -33,6 +33,7 @@ from harness.cli.options import (
     choices,
     engine_lists,
     engines,
+    given,
     names,
     parameters_of,
     parse_size,
@@ -291,6 +292,7 @@ command(RESULTS)(replay.replay)
 
 @command(ENGINES)
 def verify(
+    context: typer.Context,
     engine: Annotated[
         list[str] | None,
         typer.Option(
@@ -345,6 +347,7 @@ def verify(
     from harness.verify.commands.verify import verify as run_verify
 
     allowed = allow_imports, allow_commands, allow_outside
+    _only_with_its_kind(context, bool(against))
     if against:
         if not engine:
             raise ConfigError(f"--against {','.join(against)}: --engine is expected, too")
@@ -354,6 +357,17 @@ def verify(
         )
         raise typer.Exit(equivalence(options))
     raise typer.Exit(run_verify(VerifyOptions(names(engine), quick, only or [], out, jobs, allow_imports)))
+
+
+def _only_with_its_kind(context: typer.Context, against: bool) -> None:
+    """Refuses options of images where checks are run, and options of checks where images are compared."""
+    from engines.errors import ConfigError
+
+    for param in context.command.params:
+        of_images = param.name == "define" or getattr(param, "rich_help_panel", None) == AGAINST
+        of_checks = param.name in ("quick", "only", "out", "jobs")
+        if param.name in given(context) and (of_checks if against else of_images):
+            raise ConfigError(f"{param.opts[0]}: is for {'checks, without' if against else 'images, with'} --against ENGINE")
 
 
 command(IMAGES)(conversion.convert)

@@ -38,7 +38,9 @@ def convert(
 
     suffix = output.suffix.lower()
     if suffix in FORMATS:
-        held = load_scene(paths.find("scenes", scene), allow_imports, allow_outside, parameters_of(define))
+        file = paths.find("scenes", scene)
+        _keep(file, output / f"{file.stem}{suffix}" if output.is_dir() else output)
+        held = load_scene(file, allow_imports, allow_outside, parameters_of(define))
         typer.echo(f"written: {export(held, FORMATS[suffix], output, max_depth, spp)}")
     elif output.name in ("scene.yaml", "scene.yml"):
         _write_scene(scene, output.parent, define, allow_imports, allow_outside)
@@ -55,7 +57,17 @@ def _write_scene(scene: str, output: Path, define: list[str] | None, allow_impor
     from harness.console import consoles
 
     file = paths.find("scenes", scene)
+    _keep(file, output / "scene.yaml", output / "meshes" / file.name)
     held = load_scene(file, allow_imports, allow_outside, parameters_of(define))
     for warning in held.warnings:
         consoles()[1].print(f"warning: {file}: {warning}", style="yellow", markup=False, soft_wrap=True)
     typer.echo(f"written: {save_scene(held, output)}")
+
+
+def _keep(file: Path, *written: Path) -> None:
+    """Refuses to write over the scene that is read."""
+    from engines.errors import ConfigError
+
+    for path in written:
+        if path.resolve() == file.resolve():
+            raise ConfigError(f"-o {path}: is the scene to convert: another file or folder is expected")

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from harness.cli.former import renamed
 from harness.cli.options import (
     DEFAULT_ENGINE,
     AllowCommands,
@@ -18,6 +19,7 @@ from harness.cli.options import (
     Size,
     Threads,
     engines,
+    given,
     parameters_of,
     parse_size,
     words,
@@ -29,22 +31,35 @@ _FILE = "Image file: .exr, .png, .jpg (quality 95), .bmp, .tif or .webp (lossles
 
 
 class Render(Command):
-    """`render dahlquist` draws the frames of the program, not the scene of that name, unless it is asked for samples, a shader
-    or anything else that the program has not."""
+    """`render dahlquist` draws the frames of the program, not the scene of that name, unless it is asked for samples, a shader,
+    a file that is not .png, or anything else that the program has not."""
 
     def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
+        args = [renamed(word) for word in args]
         port = parent.command.commands[DAHLQUIST] if parent is not None and args[:1] == [DAHLQUIST] else None
-        if port is None or not _all_known(args[1:], port):
+        if port is None or not _draws_frames(args[1:], port, parent):
             return super().make_context(info_name, args, parent, **extra)
         return port.make_context(f"render {DAHLQUIST}", args[1:], parent, **extra)
 
 
-def _all_known(args: list[str], command: Any) -> bool:
-    """Whether a command has all options that are given, and the engine is one of its."""
-    options = {option for param in command.params for option in param.opts} | {"-h", "--help", "--output"}
-    given = [word.partition("=")[0] for word in args if word.startswith("-")]
-    engine = args[args.index("--engine") + 1 :][:1] if "--engine" in args else []
-    return set(given) <= options and engine in ([], ["numpy"], ["numba"])
+SHARED = {"size", "engine", "threads", "output"}
+"""The parameters that images of a scene have as well as frames of the program."""
+
+
+def _draws_frames(args: list[str], port: Any, parent: Any) -> bool:
+    """Whether the words are for the program: it has all options, and an option of its own is there, or its engine and a file
+    that it writes."""
+    from engines.image import SUFFIXES
+
+    options = {option for param in port.params for option in param.opts} | {"-h", "--help"}
+    words_of = {word.partition("=")[0] if word.startswith("--") else word[:2] for word in args if word.startswith("-")}
+    if not words_of <= options:
+        return False
+    context = port.make_context(f"render {DAHLQUIST}", [*args], parent, resilient_parsing=True)
+    if given(context) - SHARED:
+        return True
+    suffix = Path(context.params["output"] or "").suffix.lower()
+    return context.params["engine"] in ("numpy", "numba") and (suffix == ".png" or suffix not in SUFFIXES)
 
 
 def render(

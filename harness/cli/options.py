@@ -34,9 +34,14 @@ class Command(TyperCommand):
         return super().parse_args(ctx, [renamed(word) for word in args])
 
 
-def names(given: Sequence[str] | None) -> list[str]:
+def given(context: Any) -> set[str]:
+    """The names of the parameters that the command line has."""
+    return {name for name in context.params if context.get_parameter_source(name).name == "COMMANDLINE"}
+
+
+def names(texts: Sequence[str] | None) -> list[str]:
     """The names in a list option: separated by commas, given once or several times."""
-    return [name.strip() for text in given or () for name in text.split(",") if name.strip()]
+    return [name.strip() for text in texts or () for name in text.split(",") if name.strip()]
 
 
 class Group(TyperGroup):

@@ -151,7 +151,7 @@ def calibrate(folder: Path) -> int:
     table = Table("figure", "value", "must be", "", box=None, header_style="bold")
     for figure in calibration.figures(calibrated):
         holds = "" if figure.holds is None else "holds" if figure.holds else "missed"
-        table.add_row(figure.name, figure.value, figure.wanted, holds)
+        table.add_row(figure.name, figure.value, figure.expected, holds)
     console.print(table)
     return 1 if calibration.missed(calibrated) else 0
 

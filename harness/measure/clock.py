@@ -70,15 +70,15 @@ def timed_points(renderer: Renderer, schedule: Schedule, seconds_per_spp: float,
     done, seconds = 0, 0.0
     gc.collect()  # once: before every pass it would empty the caches that the renderer has filled
     rays_before = rays_traced(renderer)
-    for wanted in checkpoints(schedule):
-        target = shortened(wanted, done, seconds, seconds_per_spp, schedule.max_time_seconds)
+    for checkpoint in checkpoints(schedule):
+        target = shortened(checkpoint, done, seconds, seconds_per_spp, schedule.max_time_seconds)
         if target <= done:
             return
         film, elapsed = _timed_pass(renderer, target - done, disturbance)
         seconds, done = seconds + elapsed, target
         seconds_per_spp = max(seconds / done, 1e-12)
         yield _point(done, seconds, film, renderer, rays_before)
-        if seconds >= schedule.max_time_seconds or target < wanted:
+        if seconds >= schedule.max_time_seconds or target < checkpoint:
             return
 
 

@@ -119,8 +119,8 @@ class Worker:
             raise WorkerFailed(f"the engine's process {status_in_words(answer.status)}")
         if not isinstance(answer, expected):
             self.kill()
-            sent, wanted = records.kind(type(answer)), records.kind(expected[0])
-            raise WorkerFailed(f"the engine's process sent a message {sent!r} where {wanted!r} is expected")
+            sent, due = records.kind(type(answer)), records.kind(expected[0])
+            raise WorkerFailed(f"the engine's process sent a message {sent!r} where {due!r} is expected")
         if isinstance(answer, End):
             self._settle(deadline)
         return answer

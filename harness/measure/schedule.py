@@ -42,19 +42,19 @@ def checkpoints(schedule: Schedule) -> Iterator[int]:
         growth = schedule.ratio**step
         if schedule.ratio == ROOT_OF_TWO:
             growth = 2.0 ** (step // 2) * (1.5 if step % 2 else 1.0)
-        wanted = min(round(schedule.start * growth), schedule.max_spp)
-        if wanted > last:
-            yield wanted
-            last = wanted
+        checkpoint = min(round(schedule.start * growth), schedule.max_spp)
+        if checkpoint > last:
+            yield checkpoint
+            last = checkpoint
 
 
-def shortened(wanted: int, done: int, seconds: float, seconds_per_spp: float, max_time: float) -> int:
-    """The checkpoint to render to instead of `wanted`, so that the budget is not overshot wildly; `done` means stop.
+def shortened(checkpoint: int, done: int, seconds: float, seconds_per_spp: float, max_time: float) -> int:
+    """The checkpoint to render to instead of `checkpoint`, so that the budget is not overshot wildly; `done` means stop.
 
     A pass that is predicted to end within `OVERSHOOT` budgets is left alone: seeds then share their checkpoints. At
     least one sample per pixel is rendered.
     """
-    if seconds + (wanted - done) * seconds_per_spp <= OVERSHOOT * max_time:
-        return wanted
+    if seconds + (checkpoint - done) * seconds_per_spp <= OVERSHOOT * max_time:
+        return checkpoint
     fits = done + int(max(0.0, max_time - seconds) / seconds_per_spp)
-    return min(wanted, max(fits, done, 1))
+    return min(checkpoint, max(fits, done, 1))

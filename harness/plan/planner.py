@@ -94,7 +94,7 @@ def settings_of(cell: Cell) -> SimpleNamespace:
     if isinstance(settings, CellSettings):
         own["resolution"] = (settings.width, settings.height)
     rays = None if cell.ray_set is None else cell.ray_set.kind
-    return SimpleNamespace(scene=cell.scene, engine=cell.engine_name, rays=rays, division=cell.division, **own)
+    return SimpleNamespace(scene=cell.scene.name, engine=cell.engine_name, rays=rays, division=cell.division, **own)
 
 
 def _matching(given: Filter, runs: Sequence[SimpleNamespace], where: str) -> list[SimpleNamespace]:
@@ -122,7 +122,7 @@ def _words(value: Any, named: bool) -> str:
     """A setting as a message prints it; where a name was given, choices without their options."""
     if isinstance(value, tuple):
         return "x".join(map(str, value))
-    return value.name if isinstance(value, SceneFile) or (named and isinstance(value, Choice)) else str(value)
+    return value.name if named and isinstance(value, Choice) else str(value)
 
 
 def _one_division(experiment: Experiment, found: Iterable[tuple[Cell, Any]]) -> None:

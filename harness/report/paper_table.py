@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from engines.errors import ConfigError, UnknownName
 from harness.analysis import Analysis
@@ -11,6 +12,7 @@ from harness.analysis.columns import Column, Table, estimate_of
 from harness.analysis.model import Verdict
 from harness.metrics import as_error, error_words, metric_title
 from harness.report.moments import Moment
+from harness.report.tables.by_axis import why_blank
 from harness.report.tables.model import csv_text, html_rows, latex_tabular, markdown_rows
 from harness.statistics import Estimate, find_crossing, geometric_interval
 from harness.statistics.intervals import NOTHING
@@ -21,6 +23,8 @@ TARGET = "target"
 SETTINGS = ("scene", "contestant", *(axis for axis in AXES if axis != "label"), TARGET)
 """What may be rows or columns, beside every option of a shader, sampler or accelerator."""
 INTERVAL = "geometric mean over seeds, in brackets its 95 % interval"
+NO_MEAN = "the values of its seeds have no geometric mean"
+NOISE = "they are smaller than the noise of the reference, which is taken out of them"
 
 
 class Asked(NamedTuple):
@@ -75,8 +79,14 @@ def paper_table(analysis: Analysis, asked: Asked) -> Table:
             Column(asked.rows, "The setting of the rows.", "text", asked.rows),
             *(Column(text, f"{asked.value} where {asked.columns} is {text}.", kind, text) for text in columns),
         ],
-        [{asked.rows: row, **{text: cells[row, text].found for text in columns if (row, text) in cells}} for row in rows],
+        [_row(asked.rows, row, {text: cells[row, text] for text in columns if (row, text) in cells}, columns) for row in rows],
     )
+
+
+def _row(key: str, row: str, items: Mapping[str, _Item], columns: Sequence[str]) -> dict[str, Any]:
+    """A row with its values by column; `blank` says why cells have none."""
+    why = {text: items[text].why if text in items else "not measured" for text in columns}
+    return {key: row, **{text: item.found for text, item in items.items()}, "blank": {k: v for k, v in why.items() if v}}
 
 
 def conditions(texts: Iterable[str], target: float | None) -> dict[str, str]:
@@ -135,10 +145,9 @@ def _item(analysis: Analysis, asked: Asked, one: Contestant, verdict: Verdict | 
             if row.baseline or verdict.disqualified:
                 return _Item({}, NOTHING, row.no_ratio, flags=flags)
             return _Item({}, Estimate(1.0, 1.0, 1.0, 0), flags=flags, baseline=one.name)
-        return _Item({}, estimate_of(row, "ratio"), flags=flags, baseline=row.baseline)
-    if asked.value == "seconds":
-        return _Item({}, estimate_of(row, "seconds"), flags=flags)
-    return _Item({}, _samples(analysis, one, target), flags=flags)
+        return _Item({}, estimate_of(row, "ratio"), why_blank(row), flags=flags, baseline=row.baseline)
+    found = estimate_of(row, "seconds") if asked.value == "seconds" else _samples(analysis, one, target)
+    return _Item({}, found, NO_MEAN if math.isnan(found.value) else "", flags=flags)
 
 
 def _samples(analysis: Analysis, one: Contestant, target: float) -> Estimate:
@@ -156,12 +165,17 @@ def _at_moment(analysis: Analysis, asked: Asked, one: Contestant) -> _Item:
     known = [point for point in points if point is not None]
     if len(known) < len(points):
         return _Item({}, NOTHING, f"no checkpoint {asked.moment} in {len(points) - len(known)} of {len(points)} seeds")
-    values = {
+    value_of = {
         "error": lambda point: point_error(point, analysis.results.metric)[0],
         "seconds": lambda point: point.seconds,
         "spp": lambda point: float(point.spp),
     }
-    return _Item({}, geometric_interval([values[asked.value](point) for point in known]))
+    values = [value_of[asked.value](point) for point in known]
+    found = geometric_interval(values)
+    if not math.isnan(found.value):
+        return _Item({}, found)
+    below = sum(value < 0 for value in values)
+    return _Item({}, found, f"errors of {below} of {len(values)} seeds are below 0: {NOISE}" if below else NO_MEAN)
 
 
 def _selected(items: Sequence[_Item], asked: Asked) -> list[_Item]:

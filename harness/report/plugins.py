@@ -29,6 +29,7 @@ FRAMES: dict[str, Callable[[Analysis], Table]] = {
     "cells": lambda analysis: analysis.cells,
     "times_to_quality": frames.times_to_quality,
     "verdicts": frames.verdicts,
+    "by_axis": frames.by_axis,
 }
 PREFIX = "own-"
 """How the files begin."""
@@ -91,7 +92,7 @@ def _registered(kind: str, name: str) -> Any:
     try:
         return known[name].load()
     except (Exception, SystemExit) as error:
-        raise ConfigError(f"{kind} {name!r} ({known[name].value}): cannot be loaded: {error}") from error
+        raise ConfigError(f"{kind} {name!r} ({known[name].value}): cannot be loaded: {' '.join(str(error).split())}") from error
 
 
 def make(plugins: Iterable[Plugin], analysis: Analysis, folder: Path) -> Made:

@@ -38,18 +38,18 @@ MOST_SECONDS, FEWEST = 60.0, 3
 """After so many seconds of the certifier's no replicate is begun, once there are that many."""
 
 
-def path_of(wanted: PlannedReference, root: Path) -> Path:
-    assert wanted.certifier is not None
-    return wanted.folder(root) / f"certificate-{re.sub('[^A-Za-z0-9_-]+', '-', wanted.certifier.engine)}.json"
+def path_of(planned: PlannedReference, root: Path) -> Path:
+    assert planned.certifier is not None
+    return planned.folder(root) / f"certificate-{re.sub('[^A-Za-z0-9_-]+', '-', planned.certifier.engine)}.json"
 
 
-def spec_of(wanted: PlannedReference) -> dict[str, Any]:
+def spec_of(planned: PlannedReference) -> dict[str, Any]:
     """What a certificate is about, as plain data."""
-    certifier = wanted.certifier
+    certifier = planned.certifier
     assert certifier is not None
     return {
-        "reference_id": wanted.reference_id,
-        "reference_lineage": wanted.lineage,
+        "reference_id": planned.reference_id,
+        "reference_lineage": planned.lineage,
         "engine": certifier.engine,
         "engine_version": certifier.version,
         "lineage": certifier.lineage,
@@ -57,19 +57,19 @@ def spec_of(wanted: PlannedReference) -> dict[str, Any]:
         "settings": {key: value for key, value in certifier.settings.describe().items() if key != "threads"},
         "replicates": REPLICATES,
         "replicate_spp": certifier.spp,
-        "margins": list(wanted.margins),
+        "margins": list(planned.margins),
         "alpha": ALPHA,
     }
 
 
-def existing(wanted: PlannedReference, root: Path) -> Certificate | None:
+def existing(planned: PlannedReference, root: Path) -> Certificate | None:
     """The certificate that is there and still answers its spec."""
-    path = path_of(wanted, root)
+    path = path_of(planned, root)
     if not path.exists():
         return None
     try:
         found = read_json(path)
-        if isinstance(found, dict) and found.get("certificate_id") != digest(spec_of(wanted)):
+        if isinstance(found, dict) and found.get("certificate_id") != digest(spec_of(planned)):
             return None
         certificate = validation.event(found, str(path))
         if not isinstance(certificate, Certificate):
@@ -79,45 +79,45 @@ def existing(wanted: PlannedReference, root: Path) -> Certificate | None:
     return certificate
 
 
-def make(wanted: PlannedReference, root: Path, pool: Images, report: Report) -> Certificate:
+def make(planned: PlannedReference, root: Path, pool: Images, report: Report) -> Certificate:
     """Renders, compares, writes the certificate and returns it. Raises `WorkerFailed`.
 
     An engine that cannot render the scene is no failure: the verdict is then "impossible". While another process works on the
     same reference this one waits.
     """
-    with held(wanted, root):
-        return existing(wanted, root) or _made(wanted, root, pool, report)
+    with held(planned, root):
+        return existing(planned, root) or _made(planned, root, pool, report)
 
 
-def _made(wanted: PlannedReference, root: Path, pool: Images, report: Report) -> Certificate:
-    certifier, spec = wanted.certifier, spec_of(wanted)
+def _made(planned: PlannedReference, root: Path, pool: Images, report: Report) -> Certificate:
+    certifier, spec = planned.certifier, spec_of(planned)
     assert certifier is not None
     spp, compared = REPLICATES * certifier.spp, {}
     if not certifier.why_not:
-        theirs = _images(wanted, certifier.engine, certifier.settings, certifier.spp, REPLICATES, pool, report)
+        theirs = _images(planned, certifier.engine, certifier.settings, certifier.spp, REPLICATES, pool, report)
         ours = _images(
-            wanted, wanted.spec["engine"], smaller(wanted.settings, certifier.factor), certifier.spp, len(theirs), pool
+            planned, planned.spec["engine"], smaller(planned.settings, certifier.factor), certifier.spp, len(theirs), pool
         )
         theirs = theirs[: len(ours)]  # time may have allowed fewer of ours
-        compared = asdict(equivalence(ours, theirs, wanted.margins, ALPHA))
+        compared = asdict(equivalence(ours, theirs, planned.margins, ALPHA))
         spp = len(theirs) * certifier.spp
     certificate = Certificate(
-        **{**spec, "margins": tuple(wanted.margins), "verdict": "impossible", **compared},
+        **{**spec, "margins": tuple(planned.margins), "verdict": "impossible", **compared},
         certificate_id=digest(spec),
-        scene=wanted.scene.name,
-        reference_engine=wanted.spec["engine"],
+        scene=planned.scene.name,
+        reference_engine=planned.spec["engine"],
         spp=spp,
         width=certifier.settings.width,
         height=certifier.settings.height,
         message=certifier.why_not or "",
         time=datetime.now(UTC).isoformat(timespec="seconds"),
     )
-    write_json(path_of(wanted, root), {**certificate.model_dump(), "machine": machine.provenance()})
+    write_json(path_of(planned, root), {**certificate.model_dump(), "machine": machine.provenance()})
     return certificate
 
 
 def _images(
-    wanted: PlannedReference,
+    planned: PlannedReference,
     engine: str,
     settings: CellSettings,
     spp: int,
@@ -126,10 +126,10 @@ def _images(
     report: Report = lambda done, count: None,
 ) -> list[Array]:
     """Up to `count` images (h, w, 3), as many as the time allows."""
-    first, begun = wanted.spec["seed"] + SEEDS_AWAY, monotonic()
+    first, begun = planned.spec["seed"] + SEEDS_AWAY, monotonic()
     found: list[Array] = []
     report(0, count)
-    for film, _ in replicates(wanted, range(first, first + count), pool, engine, settings, spp):
+    for film, _ in replicates(planned, range(first, first + count), pool, engine, settings, spp):
         image = film.mean()
         pixels = int((~np.isfinite(image).all(axis=2)).sum())
         if film.bad_samples or pixels:

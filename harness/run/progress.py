@@ -24,7 +24,7 @@ class Listener(Protocol):
     """What follows the progress of a run. Called only while nothing renders."""
 
     def note(self, text: str) -> None: ...
-    def reference(self, name: str, done: int, wanted: int) -> None: ...
+    def reference(self, name: str, done: int, count: int) -> None: ...
     def cell(self, cell: Cell, number: int, total: int, seconds_left: float) -> None: ...
     def point(self, spp: int, seconds: float, error: float) -> None: ...
     def finished(self, cell: Cell, event: records.AnyCell) -> None: ...
@@ -82,9 +82,9 @@ class Terminal:
     def note(self, text: str) -> None:
         self.console.print(escape(text), style="yellow", highlight=False, soft_wrap=True)
 
-    def reference(self, name: str, done: int, wanted: int) -> None:
-        self._draw(f"replicates of reference {name}", done, wanted)
-        if not self.console.is_terminal and done in (0, wanted):
+    def reference(self, name: str, done: int, count: int) -> None:
+        self._draw(f"replicates of reference {name}", done, count)
+        if not self.console.is_terminal and done in (0, count):
             self.console.print(f"reference {escape(name)}: {'begins' if done == 0 else 'ready'}", highlight=False)
 
     def cell(self, cell: Cell, number: int, total: int, seconds_left: float) -> None:

@@ -30,13 +30,13 @@ QUANTILES = {"t_median": 0.5, "t_p999": 0.999, "t_worst": 1.0}
 class RaySet:
     """Rays of a kind in a file, and the exact answers to those that are checked."""
 
-    def __init__(self, wanted: PlannedRaySet, scene: Scene, truth: Truth, hard: Rays, file: Path) -> None:
+    def __init__(self, planned: PlannedRaySet, scene: Scene, truth: Truth, hard: Rays, file: Path) -> None:
         """Raises `Unsupported` where the scene has no such rays, and `ConfigError` where the file cannot be written."""
-        config, seed = wanted.config, wanted.seed
-        rays = make_rays(wanted.kind, scene, truth, config.count, config.bounces, seed)
+        config, seed = planned.config, planned.seed
+        rays = make_rays(planned.kind, scene, truth, config.count, config.bounces, seed)
         rng = np.random.default_rng([seed, 100])
         chosen = np.sort(rng.choice(config.count, min(config.checked, config.count), replace=False))
-        self._judge, self._kind, self._hard = Judge(truth, rays.take(chosen)), wanted.kind, hard
+        self._judge, self._kind, self._hard = Judge(truth, rays.take(chosen)), planned.kind, hard
         self._judged: dict[str, Answers] = {}
         self._file, self._sizes = file, (len(chosen), len(hard.t_max))
         try:
@@ -44,10 +44,10 @@ class RaySet:
         except Unwritten as error:
             raise ConfigError(str(error)) from error
 
-    def request(self, wanted: PlannedRaySet, settings: TracerSettings, max_time_seconds: float) -> RayRequest:
+    def request(self, planned: PlannedRaySet, settings: TracerSettings, max_time_seconds: float) -> RayRequest:
         """What a worker is asked for."""
-        own = str(self._file), wanted.kind, wanted.config.batch, max_time_seconds, *self._sizes
-        return RayRequest(wanted.scene, wanted.scene_hash, settings, *own)
+        own = str(self._file), planned.kind, planned.config.batch, max_time_seconds, *self._sizes
+        return RayRequest(planned.scene, planned.scene_hash, settings, *own)
 
     def judged(self, answers: Arrays) -> Answers:
         """What is wrong with answers, as `tracing.read_answers` returns them. The same ones are judged once."""
@@ -82,18 +82,18 @@ class MadeRaySets:
         if self._folder is not None:
             self._folder.cleanup()
 
-    def of(self, wanted: PlannedRaySet) -> RaySet:
+    def of(self, planned: PlannedRaySet) -> RaySet:
         """The set. Raises `RaybenchError` where the scene cannot be read, or has no such rays; `ConfigError` where the file
         cannot be written."""
-        found = self._sets.get(wanted.ray_set_id)
+        found = self._sets.get(planned.ray_set_id)
         if found is None:
-            if wanted.scene not in self._scenes:
-                scene = wanted.scene.load(self._allow_imports)
+            if planned.scene not in self._scenes:
+                scene = planned.scene.load(self._allow_imports)
                 truth = Truth(scene)
-                self._scenes[wanted.scene] = scene, truth, hard_rays(truth, wanted.config.hard, wanted.seed)
+                self._scenes[planned.scene] = scene, truth, hard_rays(truth, planned.config.hard, planned.seed)
             self._folder = self._folder or TemporaryFolder()
-            file = Path(self._folder.name) / f"{wanted.ray_set_id}.npz"
-            found = self._sets[wanted.ray_set_id] = RaySet(wanted, *self._scenes[wanted.scene], file)
+            file = Path(self._folder.name) / f"{planned.ray_set_id}.npz"
+            found = self._sets[planned.ray_set_id] = RaySet(planned, *self._scenes[planned.scene], file)
         return found
 
 

@@ -90,12 +90,12 @@ class Recorder:
     def todo(self) -> list[Cell]:
         """Cells to be measured, in order."""
 
-        def wanted(cell: Cell) -> bool:
+        def missing(cell: Cell) -> bool:
             event = self.latest.get(cell.cell_id)
             again = self._retry and event is not None and event.state in BROKEN
             return not cell.skip and (again or not up_to_date(cell, event, self.metric))
 
-        return [cell for cell in self.plan.cells if wanted(cell)]
+        return [cell for cell in self.plan.cells if missing(cell)]
 
     def ready(self) -> list[Cell]:
         """Cells to be measured whose reference or ray set is there, in order."""
@@ -244,8 +244,8 @@ class Recorder:
     def reference(self, reference_id: str) -> Any:
         """The arrays of a reference, read and checked once."""
         if reference_id not in self._loaded:
-            wanted = self.plan.references[reference_id]
-            self._loaded[reference_id] = reference_files.read(wanted.folder(self.root), reference_id, wanted.scene_hash)
+            planned = self.plan.references[reference_id]
+            self._loaded[reference_id] = reference_files.read(planned.folder(self.root), reference_id, planned.scene_hash)
         return self._loaded[reference_id]
 
 
@@ -324,8 +324,8 @@ class CellRecord:
                 "finite radiance is expected"
             )
         images = self.recorder.plan.experiment.images
-        wanted = self.cell.block == 0 or found.spp in SHARED_SPP
-        if images == "all" or (images == "some" and wanted and self.cell.label is None):
+        shown = self.cell.block == 0 or found.spp in SHARED_SPP
+        if images == "all" or (images == "some" and shown and self.cell.label is None):
             self._keep(film)
         error, stop = point_error(self.points[-1], quality.name)[0], self.cell.budget.stop_at_error
         self.enough = stop is not None and error <= stop

@@ -25,7 +25,7 @@ class Sufficiency(NamedTuple):
     message: str
 
 
-def sufficiency(wanted: PlannedReference, root: Path, quality: Quality) -> Sufficiency:
+def sufficiency(planned: PlannedReference, root: Path, quality: Quality) -> Sufficiency:
     """Compares a reference's samples with those that its noise asks for at the smallest target.
 
     The noise is known from the reference itself, finished or not, or from another one of the same image; nothing is rendered.
@@ -36,16 +36,16 @@ def sufficiency(wanted: PlannedReference, root: Path, quality: Quality) -> Suffi
     if quality.metric not in SAMPLES_KNOWN:
         return Sufficiency(None, f"samples needed: not known for {title}; every time to quality is checked against its halves")
     target = min(as_error(quality.metric, each) for each in quality.targets)
-    pilot, spp = pilot_of(wanted, root), spp_of(wanted, root)
+    pilot, spp = pilot_of(planned, root), spp_of(planned, root)
     if pilot is None and spp is None:
-        most = duration(wanted.max_seconds)
+        most = duration(planned.max_seconds)
         return Sufficiency(None, f"as many samples as the target {target:g} in {title} needs, in at most about {most}")
     if pilot is None:
         return Sufficiency(None, f"samples needed for the target {target:g} in {title}: not known before its first replicates")
     needed = samples_needed(pilot, target, quality.epsilon if quality.metric == "relmse" else None)
     if spp is None:
         return Sufficiency(
-            None, f"the target {target:g} in {title} needs about {needed:,} samples, {_time(wanted, root, needed)}"
+            None, f"the target {target:g} in {title} needs about {needed:,} samples, {_time(planned, root, needed)}"
         )
     if needed <= spp:
         return Sufficiency(True, f"enough samples: the target {target:g} in {title} needs about {needed:,}")
@@ -55,16 +55,16 @@ def sufficiency(wanted: PlannedReference, root: Path, quality: Quality) -> Suffi
     )
 
 
-def pilot_of(wanted: PlannedReference, root: Path) -> Reference | None:
+def pilot_of(planned: PlannedReference, root: Path) -> Reference | None:
     """The image's reference with the most samples so far, from the cache; None where none has two replicates."""
     found: tuple[int, Path] | None = None
-    for path in sorted(wanted.folder(root).parent.glob(f"*/{META}")):
+    for path in sorted(planned.folder(root).parent.glob(f"*/{META}")):
         try:
             meta = meta_of(path.parent)
         except ConfigError:
             continue
         spec, spp = meta.spec.preimage, meta.done * meta.spec.replicate_spp
-        same = all(spec.get(key) == wanted.spec[key] for key in SAME)
+        same = all(spec.get(key) == planned.spec[key] for key in SAME)
         if same and meta.done >= 2 and (found is None or spp > found[0]):
             found = spp, path.parent
     if found is None:
@@ -76,22 +76,22 @@ def pilot_of(wanted: PlannedReference, root: Path) -> Reference | None:
     return pilot_in(film, found[0] // film.spp)
 
 
-def _time(wanted: PlannedReference, root: Path, needed: int) -> str:
+def _time(planned: PlannedReference, root: Path, needed: int) -> str:
     """How long a reference of so many samples takes, as far as that is known."""
     try:
-        meta = meta_of(wanted.folder(root))
+        meta = meta_of(planned.folder(root))
     except ConfigError:
-        return f"in at most about {duration(wanted.max_seconds)}"
-    seconds = meta.seconds * max(needed, wanted.spp) / (meta.done * meta.spec.replicate_spp)
-    return f"about {duration(min(wanted.max_seconds, seconds))} in all"
+        return f"in at most about {duration(planned.max_seconds)}"
+    seconds = meta.seconds * max(needed, planned.spp) / (meta.done * meta.spec.replicate_spp)
+    return f"about {duration(min(planned.max_seconds, seconds))} in all"
 
 
-def spp_of(wanted: PlannedReference, root: Path) -> int | None:
+def spp_of(planned: PlannedReference, root: Path) -> int | None:
     """Samples per pixel of a reference; None where they are as many as it needs, and it is not finished."""
-    if wanted.until is None:
-        return wanted.spp
+    if planned.until is None:
+        return planned.spp
     try:
-        meta = meta_of(wanted.folder(root))
+        meta = meta_of(planned.folder(root))
     except ConfigError:
         return None
     return meta.done * meta.spec.replicate_spp if meta.complete else None

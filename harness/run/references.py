@@ -44,7 +44,7 @@ from harness.store.reference_files import EXR, META, checksum, film_in, meta_of,
 
 SAVE_EVERY_SECONDS = 20.0
 Report = Callable[[int, int], None]
-"""Called with (replicates done, replicates wanted)."""
+"""Called with (replicates done, replicates expected)."""
 
 
 class Images(Protocol):
@@ -55,67 +55,67 @@ class Images(Protocol):
         ...
 
 
-def ready(wanted: PlannedReference, root: Path) -> bool:
+def ready(planned: PlannedReference, root: Path) -> bool:
     """Whether it is on disk, whole and fresh; one that is damaged or stale is refused with what to do."""
-    folder = wanted.folder(root)
+    folder = planned.folder(root)
     if not (folder / META).exists():
         return False
     meta = meta_of(folder)
-    refuse_stale(folder, meta, wanted.reference_id, wanted.scene_hash)
+    refuse_stale(folder, meta, planned.reference_id, planned.scene_hash)
     return meta.complete
 
 
 def make(
-    wanted: PlannedReference, root: Path, pool: Images, report: Report, waits: Callable[[], None] = lambda: None
+    planned: PlannedReference, root: Path, pool: Images, report: Report, waits: Callable[[], None] = lambda: None
 ) -> ReferenceMeta:
     """Renders what is missing and returns its metadata. Raises `WorkerFailed` when the engine fails.
 
     While another process makes the same reference this one waits, after a call of `waits`.
     """
-    with held(wanted, root, waits):
-        if ready(wanted, root):
-            return meta_of(wanted.folder(root))
-        return _made(wanted, root, pool, report)
+    with held(planned, root, waits):
+        if ready(planned, root):
+            return meta_of(planned.folder(root))
+        return _made(planned, root, pool, report)
 
 
-def held(wanted: PlannedReference, root: Path, waits: Callable[[], None] = lambda: None) -> AbstractContextManager[None]:
+def held(planned: PlannedReference, root: Path, waits: Callable[[], None] = lambda: None) -> AbstractContextManager[None]:
     """The lock of a reference, without which nothing is written into its folder."""
-    folder = wanted.folder(root)
+    folder = planned.folder(root)
     return locks.exclusive(folder.with_name(f"{folder.name}.lock"), waits)
 
 
-def _made(wanted: PlannedReference, root: Path, pool: Images, report: Report) -> ReferenceMeta:
-    folder = wanted.folder(root)
-    film, seconds = _start(wanted, root)
+def _made(planned: PlannedReference, root: Path, pool: Images, report: Report) -> ReferenceMeta:
+    folder = planned.folder(root)
+    film, seconds = _start(planned, root)
     first, saved = film.spp, monotonic()
-    while film.spp < (count := _replicates_needed(wanted, film, seconds)):
+    while film.spp < (count := _replicates_needed(planned, film, seconds)):
         if film.spp == first:
             report(first, count)
-        seeds = range(wanted.spec["seed"] + film.spp, wanted.spec["seed"] + count)
-        for replicate, more in replicates(wanted, seeds, pool):
+        seeds = range(planned.spec["seed"] + film.spp, planned.spec["seed"] + count)
+        for replicate, more in replicates(planned, seeds, pool):
             seconds += more
-            _add(film, replicate, wanted)
+            _add(film, replicate, planned)
             if monotonic() - saved > SAVE_EVERY_SECONDS:
-                _save(folder, wanted, film, seconds)
+                _save(folder, planned, film, seconds)
                 saved = monotonic()
             if film.spp < count:
                 report(film.spp, count)
-    meta = _save(folder, wanted, film, seconds, complete=True)
+    meta = _save(folder, planned, film, seconds, complete=True)
     report(film.spp, film.spp)
     return meta
 
 
-def _replicates_needed(wanted: PlannedReference, film: Film, seconds: float) -> int:
+def _replicates_needed(planned: PlannedReference, film: Film, seconds: float) -> int:
     """The number of replicates to go on to, even: that of the spec, or as many as its target asks for and the time allows.
 
     It at most doubles what there is, whose noise is known the better the more there is.
     """
-    done, fewest = film.spp, int(wanted.spec["replicates"])
-    if wanted.until is None or done < fewest:
+    done, fewest = film.spp, int(planned.spec["replicates"])
+    if planned.until is None or done < fewest:
         return fewest
-    needed = samples_needed(pilot_in(film, wanted.spec["replicate_spp"]), wanted.until["target"], wanted.until["epsilon"])
-    affordable = int(wanted.max_seconds * done / seconds) if seconds > 0 else MOST_REPLICATES
-    count = min(-(-needed // wanted.spec["replicate_spp"]), affordable, 2 * done, MOST_REPLICATES)
+    needed = samples_needed(pilot_in(film, planned.spec["replicate_spp"]), planned.until["target"], planned.until["epsilon"])
+    affordable = int(planned.max_seconds * done / seconds) if seconds > 0 else MOST_REPLICATES
+    count = min(-(-needed // planned.spec["replicate_spp"]), affordable, 2 * done, MOST_REPLICATES)
     return max(count, done) + max(count, done) % 2
 
 
@@ -125,7 +125,7 @@ def pilot_in(film: Film, replicate_spp: int) -> ReferenceImage:
 
 
 def replicates(
-    wanted: PlannedReference,
+    planned: PlannedReference,
     seeds: Iterable[int],
     pool: Images,
     engine: str | None = None,
@@ -134,23 +134,23 @@ def replicates(
 ) -> Iterator[tuple[Film, float]]:
     """The reference's image under each seed, with the seconds it took; by another engine, with other settings and samples,
     where these are named."""
-    spp = spp or wanted.spec["replicate_spp"]
-    request = ReferenceRequest(wanted.scene, wanted.scene_hash, settings or wanted.settings, spp)
-    yield from pool.replicates(engine or wanted.spec["engine"], request, list(seeds))
+    spp = spp or planned.spec["replicate_spp"]
+    request = ReferenceRequest(planned.scene, planned.scene_hash, settings or planned.settings, spp)
+    yield from pool.replicates(engine or planned.spec["engine"], request, list(seeds))
 
 
-def event(wanted: PlannedReference, root: Path) -> Reference:
+def event(planned: PlannedReference, root: Path) -> Reference:
     """What `events.jsonl` says of a reference. Its id and its scene's hash say where it lies."""
-    meta = meta_of(wanted.folder(root))
+    meta = meta_of(planned.folder(root))
     return Reference(
-        scene=wanted.scene.name,
-        scene_hash=wanted.scene_hash,
-        reference_id=wanted.reference_id,
-        engine=wanted.spec["engine"],
+        scene=planned.scene.name,
+        scene_hash=planned.scene_hash,
+        reference_id=planned.reference_id,
+        engine=planned.spec["engine"],
         spp=meta.done * meta.spec.replicate_spp,
-        width=wanted.spec["width"],
-        height=wanted.spec["height"],
-        shader=Choice.of(wanted.spec["shader"]),
+        width=planned.spec["width"],
+        height=planned.spec["height"],
+        shader=Choice.of(planned.spec["shader"]),
         seconds=meta.seconds,
     )
 
@@ -158,20 +158,20 @@ def event(wanted: PlannedReference, root: Path) -> Reference:
 # --- on disk --------------------------------------------------------------------------------------------------------
 
 
-def _start(wanted: PlannedReference, root: Path) -> tuple[Film, float]:
+def _start(planned: PlannedReference, root: Path) -> tuple[Film, float]:
     """The film to go on with and the seconds it took: this reference's own, the largest relative's, or an empty one.
 
     A relative may be written by another process meanwhile, and then does not help.
     """
-    own = wanted.folder(root)
+    own = planned.folder(root)
     found: list[tuple[int, Path, ReferenceMeta]] = []
     for path in sorted(own.parent.glob(f"*/{META}")):
         try:
             meta = meta_of(path.parent)
         except ConfigError:
             continue
-        most = MOST_REPLICATES if wanted.until else wanted.spec["replicates"]
-        if meta.family == wanted.family and meta.done <= most:
+        most = MOST_REPLICATES if planned.until else planned.spec["replicates"]
+        if meta.family == planned.family and meta.done <= most:
             found.append((meta.done, path.parent, meta))
     for _, folder, meta in sorted(found, key=lambda each: each[0], reverse=True):
         try:
@@ -179,22 +179,22 @@ def _start(wanted: PlannedReference, root: Path) -> tuple[Film, float]:
         except ConfigError:
             if folder == own:
                 raise
-    return Film(wanted.spec["width"], wanted.spec["height"]), 0.0
+    return Film(planned.spec["width"], planned.spec["height"]), 0.0
 
 
-def _add(film: Film, replicate: Film, wanted: PlannedReference) -> None:
-    image, seed = replicate.mean(), wanted.spec["seed"] + film.spp
+def _add(film: Film, replicate: Film, planned: PlannedReference) -> None:
+    image, seed = replicate.mean(), planned.spec["seed"] + film.spp
     pixels = int((~np.isfinite(image).all(axis=2)).sum())
     if pixels or replicate.bad_samples:
         bad = f"{pixels} pixels of the image" if pixels else f"{replicate.bad_samples} samples"
         raise WorkerFailed(
-            f"reference of {wanted.scene.name} by {wanted.spec['engine']}, seed {seed}: {bad} are NaN or infinite: finite "
+            f"reference of {planned.scene.name} by {planned.spec['engine']}, seed {seed}: {bad} are NaN or infinite: finite "
             "radiance is expected"
         )
     film.add(image)
 
 
-def _save(folder: Path, wanted: PlannedReference, film: Film, seconds: float, complete: bool = False) -> ReferenceMeta:
+def _save(folder: Path, planned: PlannedReference, film: Film, seconds: float, complete: bool = False) -> ReferenceMeta:
     """Writes arrays and image, then the metadata that names them, then removes the arrays that the metadata named before.
 
     A crash leaves one or the other. To be called with the reference `held`.
@@ -203,13 +203,13 @@ def _save(folder: Path, wanted: PlannedReference, film: Film, seconds: float, co
     with atomic.replacing(folder / name) as file:
         np.savez(file, sums=film.sums, squares=film.squares, even_sums=film.even_sums, counts=film.counts, bad_samples=0)
     meta = ReferenceMeta(
-        reference_id=wanted.reference_id,
-        family=wanted.family,
-        scene=wanted.scene.name,
-        scene_hash=wanted.scene_hash,
-        spec=ReferenceSpec(**wanted.spec),
+        reference_id=planned.reference_id,
+        family=planned.family,
+        scene=planned.scene.name,
+        scene_hash=planned.scene_hash,
+        spec=ReferenceSpec(**planned.spec),
         done=film.spp,
-        complete=complete or (wanted.until is None and film.spp == wanted.spec["replicates"]),
+        complete=complete or (planned.until is None and film.spp == planned.spec["replicates"]),
         file=name,
         sha256=checksum(folder / name),
         seconds=seconds,

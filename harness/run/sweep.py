@@ -185,11 +185,11 @@ class Sweep:
 
     def _revive(self) -> None:
         """Results that a changed plan had put aside count again when the plan has them again."""
-        wanted = {cell.cell_id: cell for cell in self.plan.cells}
+        cells = {cell.cell_id: cell for cell in self.plan.cells}
         last = store.latest_cells(event for event in self.recorder.history if getattr(event, "state", "") != "outdated")
         for cell_id, event in last.items():
             outdated = self.recorder.latest[cell_id].state == "outdated"
-            if outdated and cell_id in wanted and up_to_date(wanted[cell_id], event, self.recorder.metric):
+            if outdated and cell_id in cells and up_to_date(cells[cell_id], event, self.recorder.metric):
                 self.recorder.append(event)
 
     def _note_other_machines(self) -> None:
@@ -212,21 +212,21 @@ class Sweep:
         """Makes what cells to be measured need; a cell whose reference fails has failed."""
         needed = dict.fromkeys(cell.reference_id for cell in self._cells())
         named = {event.reference_id for event in store.of_kind(self.recorder.history, records.Reference)}
-        for reference_id, wanted in self.plan.references.items():
+        for reference_id, planned in self.plan.references.items():
             if self.recorder.stopped:
                 return
             try:
                 if reference_id in needed:
-                    made = not references.ready(wanted, self.recorder.root)
+                    made = not references.ready(planned, self.recorder.root)
                     if made:
-                        self._make_reference(wanted, pool)
-                    self._note_samples(wanted, made)
+                        self._make_reference(planned, pool)
+                    self._note_samples(planned, made)
             except (WorkerFailed, WorkerTimeout) as error:
                 self.recorder.without(reference_id, f"no reference: {error}")
                 continue
-            if reference_id not in named and references.ready(wanted, self.recorder.root):
-                self.recorder.append(references.event(wanted, self.recorder.root))
-            self._certify(wanted, pool)
+            if reference_id not in named and references.ready(planned, self.recorder.root):
+                self.recorder.append(references.event(planned, self.recorder.root))
+            self._certify(planned, pool)
         self._write_references()
 
     def _write_references(self) -> None:
@@ -238,52 +238,52 @@ class Sweep:
 
     def make_ray_sets(self) -> None:
         """Makes the sets of rays that cells to be measured trace; a cell whose set cannot be made has failed."""
-        for wanted in dict.fromkeys(cell.ray_set for cell in self._cells() if cell.ray_set):
+        for planned in dict.fromkeys(cell.ray_set for cell in self._cells() if cell.ray_set):
             if self.recorder.stopped:
                 return
-            self.listener.note(f"{wanted.describe()}: exact answers are computed")
+            self.listener.note(f"{planned.describe()}: exact answers are computed")
             try:
-                self.recorder.ray_sets.of(wanted)
+                self.recorder.ray_sets.of(planned)
             except ConfigError:  # they cannot be written: no failure of the cells
                 raise
             except RaybenchError as error:
-                self.recorder.without(wanted.ray_set_id, f"no rays: {error}")
+                self.recorder.without(planned.ray_set_id, f"no rays: {error}")
 
-    def _make_reference(self, wanted: PlannedReference, pool: references.Images) -> None:
+    def _make_reference(self, planned: PlannedReference, pool: references.Images) -> None:
         references.make(
-            wanted,
+            planned,
             self.recorder.root,
             pool,
-            lambda done, count: self.listener.reference(wanted.describe(), done, count),
-            lambda: self.listener.note(f"reference of {wanted.describe()}: another run makes it: waiting for that one"),
+            lambda done, count: self.listener.reference(planned.describe(), done, count),
+            lambda: self.listener.note(f"reference of {planned.describe()}: another run makes it: waiting for that one"),
         )
 
-    def _note_samples(self, wanted: PlannedReference, made: bool) -> None:
+    def _note_samples(self, planned: PlannedReference, made: bool) -> None:
         """Says of a new reference whether it has samples enough for the targets, of another one if it has too few."""
-        found = reference_samples.sufficiency(wanted, self.recorder.root, self.plan.experiment.quality)
+        found = reference_samples.sufficiency(planned, self.recorder.root, self.plan.experiment.quality)
         if made or found.enough is False:
-            self.listener.note(f"reference of {wanted.describe()}: {found.message}")
+            self.listener.note(f"reference of {planned.describe()}: {found.message}")
 
-    def _certify(self, wanted: PlannedReference, pool: references.Images) -> None:
+    def _certify(self, planned: PlannedReference, pool: references.Images) -> None:
         """Has the reference compared with the image of another lineage, once, and says what came out."""
-        if wanted.certifier is None or not references.ready(wanted, self.recorder.root):
+        if planned.certifier is None or not references.ready(planned, self.recorder.root):
             return
-        found = certificates.existing(wanted, self.recorder.root)
+        found = certificates.existing(planned, self.recorder.root)
         try:
             found = found or certificates.make(
-                wanted,
+                planned,
                 self.recorder.root,
                 pool,
-                lambda done, count: self.listener.reference(f"{wanted.describe()}, certificate", done, count),
+                lambda done, count: self.listener.reference(f"{planned.describe()}, certificate", done, count),
             )
         except (WorkerFailed, WorkerTimeout) as error:
-            self.listener.note(f"{wanted.describe()}: no certificate: {error}")
+            self.listener.note(f"{planned.describe()}: no certificate: {error}")
             return
         said = [event.certificate_id for event in store.of_kind(self.recorder.history, records.Certificate)]
         if found.certificate_id not in said:
             self.recorder.append(found)
             if not certifies(found):
-                self.listener.note(f"reference of {wanted.describe()}: {certificate_text(found)}")
+                self.listener.note(f"reference of {planned.describe()}: {certificate_text(found)}")
 
     # --- verify jobs ------------------------------------------------------------------------------------------------
 

@@ -161,12 +161,13 @@ def load_results(folder: str | Path) -> Results:
 
 
 def results_of(folder: Path, manifest: Manifest, events: Sequence[AnyEvent]) -> Results:
-    """Arranges events; cells that a changed config no longer asks for (outdated) are left out."""
+    """Arranges events. Cells that a changed config no longer asks for (outdated) are left out, and so are targets that stand
+    for no error above zero, as an SSIM of 1, which configs may not have."""
     config, targets = config_of(manifest), last_event(events, Targets)
     quality = config.quality
     metric = targets.metric if targets else quality.name
     asked = quality.targets if manifest.config else None  # without a config none were asked for
-    goals = targets.targets if targets else asked or ()
+    goals = [goal for goal in (targets.targets if targets else asked or ()) if as_error(metric, goal) > 0]
     cells = [cell for cell in latest_cells(events).values() if cell.state != "outdated"]
     results = Results(
         folder,

@@ -40,8 +40,8 @@ class Listener:
     def note(self, text: str) -> None:
         self._send("warning", text=text)
 
-    def reference(self, name: str, done: int, wanted: int) -> None:
-        self._send("progress", text=f"reference: {name}", done=done, total=wanted)
+    def reference(self, name: str, done: int, count: int) -> None:
+        self._send("progress", text=f"reference: {name}", done=done, total=count)
 
     def cell(self, cell: Cell, number: int, total: int, seconds_left: float) -> None: ...
     def point(self, spp: int, seconds: float, error: float) -> None: ...

@@ -19,6 +19,31 @@ def command(*arguments):
     return CliRunner().invoke(app, ["dahlquist", *map(str, arguments)], catch_exceptions=True)
 
 
+@pytest.mark.parametrize(
+    ("words", "frames"),
+    [
+        ("", True),
+        ("-o x.png", True),
+        ("--engine=numpy --size=8x8 --output=x.png", True),
+        ("-o x", True),
+        ("--calls 2 -o x.exr", True),  # refused by the program's command, which has this option
+        ("-o x.exr", False),
+        ("-ox.exr", False),
+        ("--out=x.jpg", False),
+        ("--engine=embree", False),
+        ("--engine embree", False),
+        ("--spp=4", False),
+    ],
+)
+def test_render_dahlquist_draws_frames_of_the_program_where_all_words_are_its(words, frames, monkeypatch):
+    called = []
+    monkeypatch.setattr("harness.cli.dahlquist.draw", lambda request: called.append(True))
+    monkeypatch.setattr("harness.cli.render.render", lambda request: called.append(False))
+    done = CliRunner().invoke(app, ["render", "dahlquist", *words.split()])
+    assert (done.exit_code, called) == (0, [frames]), done.output
+    assert "`raybench dahlquist` is now" not in done.output
+
+
 def test_the_frame_is_written_with_its_flag(tmp_path):
     file = tmp_path / "frame.png"
     done = command("--size", "320x480", "--calls", 1, "--time-elapsed", 3000, "--engine", "numpy", "-o", file)

@@ -105,6 +105,14 @@ def test_its_images_can_be_limited(folders, tmp_path):
     assert page_of(tmp_path / "few")
 
 
+def test_it_does_not_replace_a_readme_of_the_users(folders, tmp_path):
+    (tmp_path / "README.md").write_text("my notes")
+    done = sweeping.raybench("archive", folders[0], "--out", tmp_path)
+    assert done.returncode == 2 and "has README.md already: --out must be a new folder, or an archive" in done.stderr
+    assert (tmp_path / "README.md").read_text() == "my notes"
+    assert {path.name for path in tmp_path.iterdir()} <= {"README.md", ".lock"}
+
+
 def test_it_does_not_replace_results_that_are_no_archive(folders, tmp_path):
     whole = folders[0]
     other = write_folder(tmp_path / "other", threads=(1,), seeds=2, with_images=False)

@@ -67,6 +67,34 @@ def test_an_option_of_a_choice_is_an_axis(tmp_path):
     assert set(analysis.by_axis.axis) == {"light_sampler"}
 
 
+def test_an_option_with_the_name_of_a_setting_is_an_axis_of_its_own(tmp_path):
+    """So is one that another choice has, too."""
+
+    def chosen(threads, samples):
+        def change(cell):
+            cell["accelerator"] |= {"threads": threads, "samples": 8}
+            cell["sampler"] |= {"samples": samples}
+            cell["cell_id"] += f"{threads}-{samples}"
+
+        return change
+
+    made = (
+        twins(0.02, change=chosen(1, 4)),
+        contestant(0.01, change=chosen(2, 4)),
+        contestant(0.005, change=chosen(1, 5)),
+        contestant(0.04, threads=2, change=chosen(1, 4)),
+    )
+    analysis = analyse(results(tmp_path, *made))
+    assert set(analysis.by_axis.axis) == {"threads", "accelerator.threads", "sampler.samples"}
+    for axis, values, ratio in (
+        ("accelerator.threads", ("2", "1"), 2),
+        ("sampler.samples", ("5", "4"), 4),
+        ("threads", ("2 threads", "1 thread"), 0.5),
+    ):
+        ((key, row),) = along(analysis, axis).items()
+        assert key[:2] == values and row.ratio == pytest.approx(ratio, rel=0.05)
+
+
 def test_images_of_different_references_are_compared_by_their_samples_alone(tmp_path):
     def whitted(cell):
         cell["cell_id"] += "whitted"

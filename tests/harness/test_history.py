@@ -1,12 +1,14 @@
 """Seconds to targets over revisions: steps that were put in are found, by block or between sessions, and drift is not one."""
 
 import json
+import math
 
 import numpy as np
 import pytest
 
 from engines.errors import ConfigError
-from harness.report.tables import history, regressions
+from harness.report.tables import history, markdown_text, regressions
+from harness.report.tables.history import beginning
 from harness.statistics import change_of_pairs
 from harness.store.results import load_results
 from tests.harness.sweeping import raybench
@@ -100,6 +102,48 @@ def test_a_target_that_is_no_longer_reached_is_a_regression(measured, tmp_path):
     table = table_of(first, session(tmp_path / "two", short, 2, "two"))
     assert at(table, "two") == "no longer reached" and at(table, "two", "reached").startswith("0/")
     assert regressions(table)
+
+
+def failing(event):
+    return {**event, "state": "failed", "message": "it crashed\nat line 3", "points": []} if event["event"] == "cell" else event
+
+
+def test_a_revision_that_fails_wholly_is_a_regression_and_the_next_is_compared_with_the_one_before_it(measured, tmp_path):
+    one = session(tmp_path / "one", measured, 1, "one")
+    broken = session(tmp_path / "broken", [failing(event) for event in measured], 2, "broken")
+    table = table_of(one, broken)
+    assert (at(table, "broken"), at(table, "broken", "reached")) == ("failed: it crashed", "0/5")
+    assert {row["revision"] for row in regressions(table)} == {"broken"}
+    assert "| failed: it crashed |" in markdown_text(table) and math.isnan(at(table, "broken", "seconds").value)
+    mended = session(tmp_path / "mended", measured, 3, "mended", factor=1.5)
+    table = table_of(one, broken, mended)
+    assert at(table, "mended") == "slower or drift" and at(table, "mended", "step").value == pytest.approx(1.5, rel=0.05)
+    assert len({row["contestant"] for row in table.rows}) == 1
+    assert table_of(broken).rows[0]["verdict"] == "failed: it crashed" and not regressions(table_of(broken))
+
+
+def test_sessions_without_twins_are_told(measured, tmp_path):
+    table = table_of(*(session(tmp_path / name, measured, day, name) for day, name in enumerate(("one", "two"), 1)))
+    assert "2 sessions without A/A twins: what differs between two equal builds in all blocks alike is not known" in table.note
+    whole = write_folder(tmp_path / "twins", with_images=False)
+    written = json.loads((whole / "manifest.json").read_text())
+    (whole / "manifest.json").write_text(json.dumps({**written, "config": {**written["config"], "revision": "one"}}))
+    assert "without A/A twins" not in table_of(whole).note
+
+
+@pytest.mark.parametrize(
+    ("builds", "name"),
+    [
+        (["mine (old)", "mine (new)"], "mine"),
+        (["tracer-fast", "tracer-fixed"], "tracer"),
+        (["tracer 1.10", "tracer 1.12"], "tracer 1"),
+        (["build7", "build8"], "build"),
+        (["builds:old", "builds:new"], "builds"),
+        (["fast", "fixed"], ""),
+    ],
+)
+def test_builds_are_followed_by_the_whole_words_that_their_names_share(builds, name):
+    assert beginning(builds) == name
 
 
 def test_pairs_are_tested_by_blocks_of_few_sessions_and_by_sessions_of_many():

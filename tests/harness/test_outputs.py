@@ -73,6 +73,26 @@ def test_export_takes_suffixes_in_upper_case_and_folders_with_one(output, writte
     assert (place / written).read_text().startswith("Scale -1 1 1")
 
 
+@pytest.mark.parametrize(
+    ("scene", "output"),
+    [
+        ("scene.yaml", "scene.yaml"),
+        ("scene.yaml", "."),
+        ("link/scene.yaml", "."),
+        ("a.xml", "a.xml"),
+        ("a.xml", "folder.pbrt/../a.xml"),
+        ("meshes/m.ply", "."),
+    ],
+)
+def test_convert_does_not_write_over_the_scene_that_it_reads(scene, output, place):
+    (place / "meshes").mkdir()
+    (place / "link").symlink_to(place)
+    for name in ("scene.yaml", "a.xml", "meshes/m.ply"):
+        (place / name).write_text("mine")
+    assert "is the scene to convert: another file or folder is expected" in refusal(f"convert {scene}", output)
+    assert (place / scene).read_text() == "mine"
+
+
 @pytest.mark.parametrize("suffix", [".JPG", ".jpeg", ".PNG", ".bmp", ".tif", ".webp"])
 def test_render_writes_an_image_of_the_format_of_its_suffix(suffix, place):
     arguments = ["render", "cornell_box", "--engine", "numpy", "--spp", "1", "--size", "8x6", "--shader", "albedo"]

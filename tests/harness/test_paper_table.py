@@ -13,6 +13,7 @@ from harness.statistics import geometric_interval
 from harness.store.results import load_results
 from tests.harness import sweeping
 from tests.harness.synthetic import write_folder
+from tests.harness.test_races import contestant, results
 
 RANDOM = {"sampler": "random", "target": "0.01"}
 ONE_A_CELL = Asked("seconds", "scene", "engine", RANDOM)
@@ -105,6 +106,31 @@ def test_the_note_names_baseline_units_and_epsilon_and_why_a_value_is_missing(an
     assert "relMSE (ε = 0.01) is 0.01" in note and "Baseline: numpy" in note
     assert "mitsuba random 2 threads on cornell_box: not measured (failed)" in note
     assert "A/A" not in note and "Not measured" not in note
+
+
+@pytest.mark.parametrize(
+    ("value", "moment", "why"),
+    [
+        ("ratio", None, "only bounds are known: of some block that both have each did not reach the target"),
+        ("error", moment_of("64spp"), "errors of 1 of 5 seeds are below 0: they are smaller than the noise of the reference"),
+        ("error", moment_of("4096spp"), "no checkpoint at 4096 spp in 5 of 5 seeds"),
+    ],
+)
+def test_each_cell_without_a_value_has_a_mark_and_its_reason_as_tooltip_and_in_the_note(tmp_path, value, moment, why):
+    def below(cell):
+        if cell["block"] == 2:
+            for point in cell["points"]:
+                point["metrics"]["relmse_e0.01_corrected"] = -1e-9
+
+    def unreached(cell):
+        cell["points"] = cell["points"][:4]
+
+    change = below if moment else unreached
+    found = analyse(results(tmp_path, contestant(0.01, change=change), contestant(0.02, sampler="sobol", change=change)))
+    where = {"sampler": "sobol"} | ({} if moment else {"target": "0.01"})
+    table = paper_table(found, Asked(value, "scene", "sampler", where, moment))
+    assert why in table.note and FORMATS["markdown"](table).splitlines()[2] == "| hall | – |"
+    assert f'<td title="{why}' in FORMATS["html"](table)
 
 
 def test_the_note_names_the_cells_that_nothing_measured(analysis):

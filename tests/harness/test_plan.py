@@ -391,6 +391,19 @@ def test_a_mitsuba_file_is_read_with_parameters_and_outside_of_its_folder_where_
     assert outcome.states == {"done": 8}
 
 
+def test_a_baseline_on_a_scene_with_parameters_that_tables_name_otherwise_is_refused(tmp_path):
+    (tmp_path / "s.xml").write_text(
+        '<scene version="3.0.0"><default name="side" value="1"/><sensor type="perspective"/>'
+        '<shape type="sphere"><float name="radius" value="$side"/><emitter type="area"/></shape></scene>'
+    )
+    text = sweeping.EXPERIMENT.replace("ball.yaml", "{file: s.xml, parameters: {side: 2}}")
+    path = sweeping.write(tmp_path, text)
+    with pytest.raises(RaybenchError, match=r"baseline.scene = 's': no scene of this experiment: .*s side=2"):
+        planner.make(config.load(path, ["baseline={scene: s}"]), allow_imports=True)
+    found = planner.make(config.load(path, ["baseline={scene: 's side=2'}"]), allow_imports=True)
+    assert found.experiment.baseline.matches(planner.settings_of(found.cells[0]))
+
+
 @pytest.mark.parametrize(
     ("given", "words"),
     [

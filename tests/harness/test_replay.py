@@ -97,6 +97,22 @@ def test_what_was_not_measured_again_is_not_reproduced(folders, there, tmp_path)
     assert missing and all(row["reproduced"] is False and row["verdict"] == "not compared" for row in missing)
 
 
+def test_a_ratio_is_compared_by_the_settings_of_its_baseline_whatever_its_name(folders, there, tmp_path):
+    """Without a second sampler names are shorter; another engine under the name of the baseline is another one."""
+    random_alone = changed(folders[0], tmp_path / "one", lambda e: e if e["sampler"]["name"] == "random" else None)
+    assert not {c.name for c in random_alone.results.contestants} & {c.name for c in there.results.contestants}
+    again = [row for row in rows(reproduction(there, random_alone), "ratio", "numba") if "random" in row["contestant"]]
+    assert any(row["verdict"] == "overlap" for row in again)
+
+    def precise(event):
+        event["precision"] = "float32" if event["engine"] == "numpy" else event["precision"]
+        return event
+
+    other = changed(folders[0], tmp_path / "other", precise)
+    others = [row for row in rows(reproduction(there, other), "ratio", "numba") if not row["detail"].startswith(BIASED)]
+    assert others and {row["verdict"] for row in others} == {"not compared"}
+
+
 def test_an_archive_with_a_scene_of_its_own_is_replayed_elsewhere(tmp_path):
     path = sweeping.write(tmp_path / "mine", sweeping.EXPERIMENT.replace("images: none", "images: all"))
     sweeping.run(path, tmp_path / "out")

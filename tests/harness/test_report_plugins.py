@@ -8,8 +8,11 @@ import pytest
 from matplotlib.figure import Figure
 
 from engines.errors import ConfigError, UnknownName
+from harness.analysis import analyse
+from harness.analysis.frames import open_results
 from harness.report import plugins, write_derived
 from harness.report.plugins import Plugin, plugin
+from harness.store.results import load_results
 from tests.harness.sweeping import raybench
 
 MODULE = """
@@ -71,6 +74,19 @@ def test_they_are_written_and_shown_and_what_fails_is_a_line_and_nothing_else(ow
     assert page.count('role="alert">plot &#39;') == 2 and page.count('role="alert">table &#39;') == 1
 
 
+def test_a_table_of_the_ratios_along_axes_gets_the_frame_that_users_open(own, folder):
+    seen = []
+
+    def engines(by_axis):
+        """Ratios of engines."""
+        seen.append(by_axis)
+        return by_axis[by_axis.axis == "engine"]
+
+    made = plugins.make([Plugin("table", "engines", "by_axis", engines)], analyse(load_results(folder)), folder)
+    pd.testing.assert_frame_equal(seen[0], open_results(folder).by_axis)
+    assert not made.problems and made.tables[0].rows and {row["axis"] for row in made.tables[0].rows} == {"engine"}
+
+
 def test_the_next_report_without_them_has_none(own, folder, with_plots):
     write_derived(folder, [plugin("table", f"{own}:states"), plugin("plot", f"{own}:seconds")])
     assert {path.stem for path in folder.rglob("own-*")} == {"own-states", "own-seconds"}
@@ -81,7 +97,7 @@ def test_the_next_report_without_them_has_none(own, folder, with_plots):
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("nameless", r"its parameters are \(frame\): expected one, named points, cells, times_to_quality, verdicts"),
+        ("nameless", r"its parameters are \(frame\): expected one, named points, cells, times_to_quality, verdicts, by_axis"),
         ("many", r"its parameters are \(points, cells\): expected one"),
         ("constant", "is no function"),
         ("missing", "cannot be imported: .*missing"),

@@ -16,6 +16,7 @@ from harness.report.tables.rays import rays as rays_table
 from harness.report.winners import standing, winners_text
 from harness.store.records import RayKind
 from tests.harness.synthetic import SMALL, arranged, base_cell
+from tests.harness.test_races import contestant
 
 ANSWERS = {"sha256": "a", "checked": 100, "wrong": 0, "missed": 0, "false_hits": 0, "hard": 10, "leaks": 0}
 
@@ -54,6 +55,16 @@ def rendering(engine="numba", block=0, accelerator="bvh", **given):
 
 
 TARGETS = {"event": "targets", "metric": "relmse_e0.01", "targets": [0.1]}
+
+
+def test_an_ssim_of_one_among_the_targets_of_events_is_left_out(tmp_path):
+    def good(cell):
+        for point in cell["points"]:
+            point["metrics"]["ssim"] = 0.95
+
+    events = [{"event": "targets", "metric": "ssim", "targets": [0.9, 1.0]}, *contestant(0.01, change=good)]
+    found = analyse(arranged(tmp_path, events))
+    assert found.results.targets == [0.9] and found.by_target.seconds.notna().all()
 
 
 def test_names_tell_apart_the_accelerators_of_an_engine_that_was_not_measured(tmp_path):

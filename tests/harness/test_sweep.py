@@ -9,11 +9,11 @@ import yaml
 from engines.errors import ConfigError
 from engines.image import read_film_layers, read_provenance
 from harness import config, store
-from harness.analysis import targets
+from harness.analysis import analyse, targets
 from harness.plan import planner
 from harness.store import validation
 from harness.store.records import Targets
-from harness.store.results import load_results
+from harness.store.results import load_results, point_error
 from tests.harness import sweeping
 from tests.harness.synthetic import SMALL, base_cell
 
@@ -237,6 +237,23 @@ def test_another_reference_makes_results_outdated(tmp_path):
     sweeping.run(path, out)
     outcome, _ = sweeping.run(path, out, ["reference.seed=9500"])
     assert outcome.measured == 4 and outcome.states == {"done": 4}
+
+
+def test_a_target_in_trimmed_relmse_is_measured_with_the_noise_of_its_reference(tmp_path):
+    """The noise of a reference of 16 times the samples leaves a quarter of it in the error."""
+    path = sweeping.write(tmp_path)
+    errors = {}
+    for spp in (16, 256):
+        out = tmp_path / f"out{spp}"
+        sweeping.run(path, out, ["quality={metric: trimmed_relmse, targets: [1.0, 0.1]}", f"reference.spp={spp}"])
+        results = load_results(out)
+        assert (results.metric, results.targets) == ("relmse_e0.01_trimmed", [1.0, 0.1])
+        points = [point for cell in results.cells for point in cell.points]
+        errors[spp] = [point.metrics["relmse_e0.01_trimmed_se"] for point in points]
+        assert all(point_error(point, results.metric)[1] > 0 for point in points)
+        found = analyse(results)
+        assert set(found.by_target.measure) == {"time to 1", "time to 0.1"} and found.by_target.seconds.gt(0).all()
+    assert sum(errors[256]) < 0.5 * sum(errors[16])
 
 
 def test_automatic_targets_are_resolved_once(tmp_path):

@@ -150,21 +150,34 @@ def test_rates_are_rays_over_seconds_and_ratios_those_of_the_baseline(measured):
     assert base["error_rate"].high == pytest.approx(1 - 0.05 ** (1 / COUNT))
 
 
-def test_ratios_are_those_of_a_race_in_seconds_a_pass(measured):
+def raced(measured, seconds):
+    """The two contestants of a race with these seconds a pass (2, blocks)."""
     results = load_results(measured.folder)
     base, other = (cell(measured, name, "camera") for name in ("numpy", "drops"))
-    rng = np.random.default_rng(1)
-    seconds = np.exp(rng.normal([[0.0], [0.5]], 0.05, (2, 5)))
     results.ray_cells = [
         each.replaced(cell_id=f"{row}{block}", block=block, passes=2 + block, seconds=(2 + block) * seconds[row, block])
         for row, each in enumerate((base, other))
-        for block in range(5)
+        for block in range(seconds.shape[1])
     ]
     ((first, second),) = ray_races(results)
+    return first, second
+
+
+def test_ratios_are_those_of_a_race_in_seconds_a_pass(measured):
+    rng = np.random.default_rng(1)
+    seconds = np.exp(rng.normal([[0.0], [0.5]], 0.05, (2, 5)))
+    first, second = raced(measured, seconds)
     assert first.baseline and first.settings.engine == "numpy" and first.ratio is None
     expected = race(np.log(seconds), np.log(seconds), [(1, 0)], UNKNOWN_SPREAD).ratios[0]
     assert second.ratio[:3] == pytest.approx(expected[:3])
     assert geometric_mean(second.rates()) == pytest.approx(1e-6 * COUNT / geometric_mean(seconds[1]))
+
+
+def test_a_ratio_of_rays_is_no_better_known_than_the_clock_resolves(measured):
+    """Times of two microseconds and of two seconds a pass, both 5 % longer, without noise."""
+    short, long = (raced(measured, np.outer([scale, 1.05 * scale], np.ones(5)))[1].ratio for scale in (2e-6, 2.0))
+    assert short.ratio == pytest.approx(1 / 1.05) == long.ratio
+    assert short.low < 1 < short.high and long.high < 1
 
 
 def test_races_share_the_spread_of_four_twins_and_blocks_trace_the_same_rays(tmp_path):

@@ -125,7 +125,7 @@ def elsewhere():
     mi.set_variant("scalar_rgb")
 
 def broken():
-    raise ValueError("no such table")
+    raise ValueError("no such table:\\n    row 3\\n")
 '''
 SCENE = """\
 <scene version="3.0.0">
@@ -213,7 +213,7 @@ def test_what_fails_is_told_in_one_sentence(module):
     scene = engines.load_scene("cornell_box")
     cases = {
         "register": ("nosuch", "shader mitsuba: .*nosuch"),
-        "broken": ("plain", "own_mitsuba:broken: fails with llvm_ad_rgb: ValueError: no such table"),
+        "broken": ("plain", "own_mitsuba:broken: fails with llvm_ad_rgb: ValueError: no such table: row 3$"),
         "missing": ("plain", "own_mitsuba:missing: cannot be imported"),
     }
     for function, (kind, words) in cases.items():

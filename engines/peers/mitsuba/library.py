@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib
 import os
+import re
 import sys
 import threading
 from collections.abc import Iterator
@@ -19,6 +20,9 @@ from engines.packages import install_extra
 from engines.peers.mitsuba import llvm
 
 LLVM, SCALAR = "llvm_ad_rgb", "scalar_rgb"
+MOST_SHOWN = 300
+"""Characters of a message of Mitsuba's."""
+_NOISE = re.compile(r"\[\w+(\.\w+:\d+)?\] |(At|While loading) dictionary node \"root\": ")
 _in_use = threading.RLock()
 
 
@@ -81,3 +85,9 @@ def active(variant: str, threads: int) -> Iterator[None]:
     with _in_use:
         activate(variant, threads)
         yield
+
+
+def one_line(problem: BaseException) -> str:
+    """The message of an error of Mitsuba's without places in its own code, in one line of at most `MOST_SHOWN` characters."""
+    text = " ".join(_NOISE.sub("", str(problem)).split())
+    return text if len(text) <= MOST_SHOWN else f"{text[:MOST_SHOWN]}..."

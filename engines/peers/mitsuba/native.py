@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from engines.errors import ConfigError
 from engines.peers.mitsuba import plugins
-from engines.peers.mitsuba.library import SCALAR, activate, active
+from engines.peers.mitsuba.library import SCALAR, activate, active, one_line
 from engines.peers.mitsuba.nodes import Node
 from engines.scene import Scene
 from engines.scene.native import NAMES_A_FILE, PLUGIN, Native
 
-MOST_SHOWN = 300
-"""Characters of a message of Mitsuba's."""
 LOADING_THREADS = 2
 """At least: with one, Mitsuba 3.9 waits for ever where it decodes large EXR files."""
-_NOISE = re.compile(r"\[\w+(\.\w+:\d+)?\] |(At|While loading) dictionary node \"root\": ")
 _FILM = {"pixel_format": "rgb", "component_format": "float32", "sample_border": False}
 _UNPASSED = ("config", "filename")
 """Names of parameters that are those of Mitsuba's own function."""
@@ -168,9 +164,3 @@ def require_plugin(kind: str, options: Any, variant: str, own: tuple[str, ...] =
         if not isinstance(made, getattr(mi, kind)):
             raise ConfigError(f"{setting} mitsuba.type = {options['type']!r}: is no {kind.lower()} of Mitsuba's")
         return made
-
-
-def one_line(problem: BaseException) -> str:
-    """The message of an error of Mitsuba's without places in its own code, in one line of at most `MOST_SHOWN` characters."""
-    text = " ".join(_NOISE.sub("", str(problem)).split())
-    return text if len(text) <= MOST_SHOWN else f"{text[:MOST_SHOWN]}..."

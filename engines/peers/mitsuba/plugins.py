@@ -15,7 +15,7 @@ from engines.choices import Choice
 from engines.errors import ConfigError, Unsupported
 from engines.imports import imported
 from engines.interface import Settings
-from engines.peers.mitsuba.library import activate
+from engines.peers.mitsuba.library import activate, one_line
 from engines.source_files import INSTALLED
 
 OWN = "plugin"
@@ -48,7 +48,7 @@ def register(names: tuple[str, ...], variant: str, threads: int) -> None:
         except ConfigError:
             raise
         except (Exception, SystemExit) as problem:
-            message = f"{OWN} {name}: fails with {variant}: {type(problem).__name__}: {problem}"
+            message = f"{OWN} {name}: fails with {variant}: {type(problem).__name__}: {one_line(problem)}"
             raise ConfigError(message) from problem
         if (found := mi.variant()) != variant:
             activate(variant, threads)
@@ -62,7 +62,7 @@ def _imported(name: str) -> Callable[[], Any]:
     try:
         found = imported(name)
     except (Exception, SystemExit) as error:
-        raise ConfigError(f"{OWN} {name}: cannot be imported: {error}") from error
+        raise ConfigError(f"{OWN} {name}: cannot be imported: {one_line(error)}") from error
     for module in set(sys.modules) - before:
         file = getattr(sys.modules[module], "__file__", None)
         if file and not INSTALLED & set(Path(file).parts):

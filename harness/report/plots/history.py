@@ -20,7 +20,8 @@ WORSE, BETTER = "#d55e00", "#009e73"
 def history_figure(table: Table) -> Figure:
     """A panel a scene and target, of the rows of `tables.history`, inside `figures.style()`.
 
-    An open triangle at the upper edge: the target was not reached. Above a point: the step to it, where there is a verdict.
+    At the upper edge an open triangle: the target was not reached; a cross: all runs failed. Above a point: the step to it,
+    where there is a verdict.
     """
     panels = dict.fromkeys((row["scene"], row["target"]) for row in table.rows)
     scenes, targets = dict.fromkeys(scene for scene, _ in panels), sorted({target for _, target in panels}, reverse=True)
@@ -63,7 +64,8 @@ def _line(axis: Any, rows: list[dict[str, Any]], revisions: list[str], index: in
     for row in rows:
         at = revisions.index(row["revision"])
         if not math.isfinite(row["seconds"].value):
-            axis.plot([at], [0.97], "^", mfc="none", mec=colour, transform=axis.get_xaxis_transform(), clip_on=False)
+            sign = "x" if row["verdict"].startswith("failed") else "^"
+            axis.plot([at], [0.97], sign, mfc="none", mec=colour, transform=axis.get_xaxis_transform(), clip_on=False)
             continue
         worse = row["regression"] or row["verdict"] == "slower"
         if worse or row["verdict"] == "faster":

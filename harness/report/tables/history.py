@@ -6,32 +6,37 @@ A folder is one session of one revision, or of several that it measured in the s
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
-from itertools import pairwise, takewhile
+from itertools import takewhile
 from typing import Any, NamedTuple
 
 from engines.errors import ConfigError
-from harness.analysis import analyse
+from harness.analysis import Analysis, analyse
+from harness.analysis.calibration import plural
 from harness.analysis.columns import Column, Table
 from harness.analysis.model import FLAGS, OF_THE_TIME, PER_SAMPLE
 from harness.report.tables.changes import TIMES, UNTESTED_THRESHOLD, cautions, matching, sessions_differ
 from harness.statistics import Change, Estimate, change_of_pairs, change_of_times, geometric_interval, judge_changes
-from harness.statistics.intervals import exp
+from harness.statistics.intervals import NOTHING, exp
 from harness.store.records import Settings
 from harness.store.results import Results
 
+WITHOUT_TWINS = "what differs between two equal builds in all blocks alike is not known there, and a step may be that."
 SHORT = 10
 """Characters of a commit in tables and plots."""
 
 
 class Measured(NamedTuple):
-    """A contestant of one session: seconds to a target by block, infinite where it was not reached, and flags of its images."""
+    """A contestant of one session: seconds to a target by block, infinite where it was not reached, and flags of its images.
+    `failure` says why no run came to its end, and is empty where one did."""
 
     session: int
     seconds: Mapping[int, float]
     flags: frozenset[str]
+    failure: str
 
 
 class Line(NamedTuple):
@@ -42,7 +47,7 @@ class Line(NamedTuple):
 
 
 class Step(NamedTuple):
-    """A revision of a line beside the one before it; `new_flags` are those that it lacks."""
+    """A revision of a line beside the last one before it that did not fail; `new_flags` are those that it lacks."""
 
     line: Line
     before: str
@@ -50,14 +55,16 @@ class Step(NamedTuple):
     change: Change
     reached: tuple[bool, bool]
     new_flags: frozenset[str]
+    failure: str
 
 
 def history(sessions: Sequence[Results], threshold: float | None = None) -> Table:
     """One row a scene, contestant, target and revision, in the order in which revisions were first measured.
 
     Each revision is compared with the one before it: by block where sessions hold both, else between sessions, as `changes`
-    does. All steps hold together at 5 %. A row is a `regression` where it is longer by more than `threshold` with its whole
-    interval, where the target is no longer reached, and where its images have a new flag.
+    does; where all runs of that failed, with the last one before it. All steps hold together at 5 %. A row is a `regression`
+    where it is longer by more than `threshold` with its whole interval, where the target is no longer reached, where all runs
+    fail now, and where its images have a new flag.
 
     Raises `ConfigError` where a session has no revision, or another metric than the others.
     """
@@ -67,10 +74,13 @@ def history(sessions: Sequence[Results], threshold: float | None = None) -> Tabl
     order: dict[str, str] = {}
     lines: dict[Line, dict[str, list[Measured]]] = {}
     names: dict[Settings, str] = {}
+    without_twins = 0
     for index, results in enumerate(sorted(sessions, key=_begin)):
         for revision in _revisions(results):
             order.setdefault(revision, _begin(results))
-        _read(index, results, lines, names)
+        analysis = analyse(results)
+        without_twins += not any(spread.twins for spread in analysis.spreads.values())
+        _read(index, analysis, lines, names)
     steps = [step for line, found in lines.items() for step in _steps(line, found, list(order))]
     same_within = sessions[-1].config.same_within
     verdicts = judge_changes([step.change for step in steps], same_within)
@@ -78,12 +88,12 @@ def history(sessions: Sequence[Results], threshold: float | None = None) -> Tabl
         (step.line, step.after): _judged(step, verdict, same_within, threshold)
         for step, verdict in zip(steps, verdicts, strict=True)
     }
-    table = _table(sessions, order, threshold, same_within)
+    table = _table(sessions, order, threshold, same_within, without_twins)
     for line in sorted(lines, key=lambda line: (line.key.scene, names[line.key], -line.target)):
         for revision in order:
             if measured := lines[line].get(revision):
                 who = {"scene": line.key.scene, "contestant": names[line.key], "target": line.target}
-                row = _row(measured) | judged.get((line, revision), {"verdict": "", "regression": False})
+                row = _row(measured) | judged.get((line, revision), {"verdict": _failure(measured), "regression": False})
                 table.rows.append({**who, "revision": shortened(revision), "since": order[revision][:16], **row})
     return table
 
@@ -117,9 +127,9 @@ def _revisions(results: Results) -> list[str]:
     return [found]
 
 
-def _read(session: int, results: Results, lines: dict[Line, dict[str, list[Measured]]], names: dict[Settings, str]) -> None:
+def _read(session: int, analysis: Analysis, lines: dict[Line, dict[str, list[Measured]]], names: dict[Settings, str]) -> None:
     """Puts the contestants of a session where they belong."""
-    analysis = analyse(results)
+    results = analysis.results
     flags = {verdict.contestant: frozenset(verdict.flags) - OF_THE_TIME for verdict in analysis.verdicts}
     own = analysis.crossings[analysis.crossings.own & (analysis.crossings.measure != PER_SAMPLE)]
     rows = dict(iter(own.groupby(["scene", "contestant", "target"])))
@@ -128,12 +138,15 @@ def _read(session: int, results: Results, lines: dict[Line, dict[str, list[Measu
             continue
         engine, revision = _of_engine(results, contestant.settings.engine)
         key = replace(matching(contestant.settings), engine=engine)
-        names[key] = contestant.name.replace(contestant.settings.engine, engine)
+        if contestant.done or key not in names:
+            names[key] = contestant.name.replace(contestant.settings.engine, engine)
+        message = next((cell.message or cell.state for cell in contestant.runs if not contestant.done), "")
+        failure = f"failed: {message.splitlines()[0]}" if message else ""
         for target in results.targets:
             found = rows.get((contestant.settings.scene, contestant.name, target))
             seconds = {} if found is None else {row.block: _seconds(row) for row in found.itertuples()}
             seconds = {cell.block: math.inf for cell in contestant.runs} | seconds  # where a cell failed
-            measured = Measured(session, seconds, flags.get(contestant, frozenset()))
+            measured = Measured(session, seconds, flags.get(contestant, frozenset()), failure)
             lines.setdefault(Line(key, target), {}).setdefault(revision, []).append(measured)
 
 
@@ -146,14 +159,20 @@ def _of_engine(results: Results, engine: str) -> tuple[str, str]:
     builds = [name for name in results.engines if any(fnmatchcase(name, pattern) for pattern in given)]
     for pattern, revision in given.items():
         if fnmatchcase(engine, pattern):
-            return _beginning(builds) or "build", revision
+            return beginning(builds) or "build", revision
     return engine, list(given.values())[-1]
 
 
-def _beginning(names: Sequence[str]) -> str:
-    """What all names begin with, without a dash or bracket at its end."""
-    same = (letters[0] for letters in takewhile(lambda letters: len(set(letters)) == 1, zip(*names, strict=False)))
-    return "".join(same).rstrip(" -_.(")
+def beginning(names: Sequence[str]) -> str:
+    """The whole words and numbers with which all names begin, without a dash or bracket at its end."""
+    words = [re.findall(r"[^\W\d_]+|\d+|[\W_]", name) for name in names]
+    same = (each[0] for each in takewhile(lambda each: len(set(each)) == 1, zip(*words, strict=False)))
+    return "".join(same).rstrip(" -_.(:@/")
+
+
+def _failure(measured: Sequence[Measured]) -> str:
+    """Why all runs of a revision failed; empty where one did not."""
+    return measured[0].failure if all(each.failure for each in measured) else ""
 
 
 def _seconds(row: Any) -> float:
@@ -163,9 +182,14 @@ def _seconds(row: Any) -> float:
 
 
 def _steps(line: Line, found: Mapping[str, list[Measured]], order: Sequence[str]) -> list[Step]:
-    """Each revision with the one before it that was measured, too."""
-    steps = []
-    for before, after in pairwise(revision for revision in order if revision in found):
+    """Each revision with the last one before it that was measured and did not fail."""
+    steps: list[Step] = []
+    measured = [revision for revision in order if revision in found]
+    good = [revision for revision in measured if not _failure(found[revision])]
+    for after in measured:
+        before = next((each for each in reversed(good) if measured.index(each) < measured.index(after)), None)
+        if before is None:
+            continue
         old, new = found[before], found[after]
         shared = {each.session: each.seconds for each in old}
         pairs = [
@@ -176,7 +200,8 @@ def _steps(line: Line, found: Mapping[str, list[Measured]], order: Sequence[str]
         sides = ([list(each.seconds.values()) for each in side] for side in (old, new))
         change = change_of_pairs(pairs) if pairs else change_of_times(*sides)
         flags = [frozenset().union(*(each.flags for each in side)) for side in (old, new)]
-        steps.append(Step(line, before, after, change, (_reaches(old), _reaches(new)), flags[1] - flags[0]))
+        reached = _reaches(old), _reaches(new)
+        steps.append(Step(line, before, after, change, reached, flags[1] - flags[0], _failure(new)))
     return steps
 
 
@@ -187,6 +212,8 @@ def _reaches(side: Sequence[Measured]) -> bool:
 
 
 def _row(measured: Sequence[Measured]) -> dict[str, Any]:
+    if _failure(measured):
+        return {"sessions": len(measured), "seconds": NOTHING, "reached": f"0/{sum(len(each.seconds) for each in measured)}"}
     reached = [[x for x in each.seconds.values() if math.isfinite(x)] for each in measured]
     several = [geometric_interval(each).value for each in reached if each]
     values = several if len(measured) > 1 else reached[0]
@@ -204,7 +231,9 @@ def _judged(step: Step, verdict: str, same_within: float, threshold: float | Non
     if not change.tested and (longer or shorter):
         word = f"{TIMES['rise' if longer else 'fall']} or drift"
     regression = longer and (verdict == "rise" or not change.tested)
-    if step.reached == (True, False):
+    if step.failure:
+        word, regression = step.failure, True
+    elif step.reached == (True, False):
         word, regression = "no longer reached", True
     elif step.reached == (False, True):
         word, regression = "reached now", False
@@ -217,15 +246,18 @@ def _judged(step: Step, verdict: str, same_within: float, threshold: float | Non
     }
 
 
-def _table(sessions: Sequence[Results], order: Mapping[str, str], threshold: float | None, same_within: float) -> Table:
+def _table(
+    sessions: Sequence[Results], order: Mapping[str, str], threshold: float | None, same_within: float, without_twins: int
+) -> Table:
     untested = f"{100 * same_within:g} %, or {100 * UNTESTED_THRESHOLD:g} % where times are not tested"
     limit = untested if threshold is None else f"{100 * threshold:g} %"
-    count = f"{len(sessions)} session{'s' * (len(sessions) != 1)} of {len(order)} revision{'s' * (len(order) != 1)}"
-    note = f"{count}; steps are ratios of seconds to those of the revision before."
+    count = f"{plural(len(sessions), 'session')} of {plural(len(order), 'revision')}"
+    note = f"{count}; steps are ratios of seconds to those of the revision before that did not fail."
+    twins = f"{plural(without_twins, 'session')} without A/A twins: {WITHOUT_TWINS}"
     return Table(
         "history",
         "Seconds to each target over revisions",
-        " ".join([note, *cautions(sessions, sessions)]),
+        " ".join([note, *[twins] * (without_twins > 0), *cautions(sessions, sessions)]),
         [
             Column("scene", "Scene."),
             Column("contestant", "Engine and the settings that vary."),
@@ -240,8 +272,8 @@ def _table(sessions: Sequence[Results], order: Mapping[str, str], threshold: flo
                 "verdict",
                 "faster, slower, same or unresolved, with a family-wise error rate of 5 % (Holm) over the table: tested by "
                 "block where a session holds both revisions, else between sessions, three or more of each. slower or drift, "
-                "faster or drift: beyond the threshold, but not tested. Else: no longer reached, reached now, flagged.",
+                "faster or drift: beyond the threshold, but not tested. Else: failed, no longer reached, reached now, flagged.",
             ),
-            Column("regression", f"Whether it is longer by more than {limit}, no longer reached, or flagged.", "flag"),
+            Column("regression", f"Whether it is longer by more than {limit}, failed, no longer reached, or flagged.", "flag"),
         ],
     )

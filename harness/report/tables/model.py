@@ -56,12 +56,17 @@ def latex_tabular(table: Table, top: str = "\\hline", middle: str = "\\hline", b
 
 
 def html_rows(table: Table) -> str:
-    """An HTML table under its note as a caption, without styles."""
+    """An HTML table under its note as a caption, without styles; a cell that shows nothing has the reason as its tooltip."""
     lines = ["<table>", f"<caption>{escape(table.note)}</caption>"]
     lines.append("<tr>" + "".join(f'<th scope="col">{escape(column.heading)}</th>' for column in table.columns) + "</tr>")
     for row in table.rows:
         first, *rest = (escape(cell_text(column, row.get(column.name))) for column in table.columns)
-        lines.append(f'<tr><th scope="row">{first}</th>' + "".join(f"<td>{cell}</td>" for cell in rest) + "</tr>")
+        whys = (row.get("blank", {}).get(column.name) for column in table.columns[1:])
+        cells = (
+            f'<td title="{escape(why)}">{cell}</td>' if why else f"<td>{cell}</td>"
+            for cell, why in zip(rest, whys, strict=True)
+        )
+        lines.append(f'<tr><th scope="row">{first}</th>' + "".join(cells) + "</tr>")
     return "\n".join([*lines, "</table>"]) + "\n"
 
 

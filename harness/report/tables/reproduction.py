@@ -175,10 +175,12 @@ def _by_means(points: list[tuple[Point, Point]], seeds: int, margin: float) -> t
 
 
 def _ratios(analysis: Analysis) -> dict[tuple[str, str], list[Any]]:
-    """(scene, contestant) -> its rows of `comparisons` that are compared with a baseline."""
+    """(scene, contestant) -> its rows of `comparisons` that are compared with a baseline, with the settings of that."""
     found: dict[tuple[str, str], list[Any]] = {}
+    settings = {(one.settings.scene, one.name): matching(one.settings) for one in analysis.results.contestants}
     rows = analysis.comparisons[analysis.comparisons.baseline != ""]
-    for row in rows.itertuples(index=False):
+    against = [settings[key] for key in zip(rows.scene, rows.baseline, strict=True)]
+    for row in rows.assign(against=against).itertuples(index=False):
         found.setdefault((row.scene, row.contestant), []).append(row)
     return found
 
@@ -194,7 +196,7 @@ def _ratio_row(row: Any, again: Any) -> dict[str, Any]:
         return {**found, "verdict": "not compared", "detail": "this measure is not there here", "reproduced": False}
     after = estimate_of(same, "ratio")
     found = {**found, "here": after}
-    if same.baseline != row.baseline:
+    if same.against != row.against:
         words = f"compared with {row.baseline} there, with {same.baseline} here"
         return {**found, "verdict": "not compared", "detail": words}
     if same.no_ratio or not _known(after):
