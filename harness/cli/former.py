@@ -7,7 +7,10 @@ from pathlib import Path
 
 OPTIONS = {"--output": "--out", "--engines": "--engine"}
 """Former options of all commands, and what they are called now."""
-_FLAGS = ("-h", "--help", "--json", "--same-seeds", "--allow-imports", "--allow-commands", "--allow-outside")
+_FLAGS = (
+    *("-h", "--help", "--json", "--same-seeds", "--allow-imports", "--allow-commands", "--allow-outside"),
+    *("--no-reflections", "--no-probe", "--interlaced", "--exact", "--redraw"),
+)
 _SHORT = ("-o", "-D")
 _TRACE = {
     "--max-time": "--time",
@@ -60,6 +63,12 @@ def _pairs(words: Sequence[str]) -> Iterator[tuple[str, str | None]]:
             yield (name, value) if equals else (word, next(rest, None))
 
 
+def _dahlquist(words: Sequence[str]) -> list[str]:
+    """With an option that the program alone has, so that it is drawn and not the scene of its name."""
+    calls = [] if "--calls" in {name for name, _ in _pairs(words)} else ["--calls", "1"]
+    return ["render", "dahlquist", *calls, *words]
+
+
 def _equivalence(words: Sequence[str]) -> list[str]:
     """The first engine is the one that the others are compared with."""
     now = ["verify"]
@@ -98,7 +107,7 @@ def _export(words: Sequence[str]) -> list[str]:
 
 COMMANDS: dict[str, Callable[[list[str]], list[str]]] = {
     "reference": lambda words: ["run", *words, "--only", "references"],
-    "dahlquist": lambda words: ["render", "dahlquist", *words],
+    "dahlquist": _dahlquist,
     "rescore": lambda words: ["report", "--rescore", *words],
     "calibrate": lambda words: ["report", "--calibrate", *words],
     "merge": lambda words: ["archive", *words],

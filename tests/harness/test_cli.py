@@ -48,6 +48,7 @@ FORMER = {
     "--out results/trace",
     "trace a b --rays camera -o c --seed 3": "race a b --rays camera -o c --set seed=3",
     "dahlquist --calls 3": "render dahlquist --calls 3",
+    "dahlquist -o a.png": "render dahlquist --calls 1 -o a.png",
     "schema": "list --schema experiment",
     "schema scene": "list --schema scene",
     "export box --to pbrt -o folder --spp 4": "convert box -o folder/box.pbrt --spp 4",
