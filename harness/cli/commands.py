@@ -340,8 +340,7 @@ def verify(
 ) -> None:
     """Check engines with hard cases and known answers. Exit code 1 if a check fails, 2 if nothing was checked."""
     from engines.errors import ConfigError
-    from harness.statistics.equivalence import Margins
-    from harness.verify.commands.equivalence import EquivalenceOptions
+    from harness.verify.commands.equivalence import EquivalenceOptions, Margins
     from harness.verify.commands.equivalence import compare as equivalence
     from harness.verify.commands.verify import VerifyOptions
     from harness.verify.commands.verify import verify as run_verify
