@@ -44,7 +44,7 @@ def _all_known(args: list[str], command: Any) -> bool:
     options = {option for param in command.params for option in param.opts} | {"-h", "--help", "--output"}
     given = [word.partition("=")[0] for word in args if word.startswith("-")]
     engine = args[args.index("--engine") + 1 :][:1] if "--engine" in args else []
-    return set(given) <= options and engine in ([], ["numpy"], ["numba"])
+    return set(given) <= options and ("--calls" in given or engine in ([], ["numpy"], ["numba"]))
 
 
 def render(
