@@ -423,7 +423,7 @@ def _equivalence(
     define: list[str] | None,
 ) -> int:
     """Bounds the difference of engines' images; 1 where they are different."""
-    from harness.statistics.equivalence import Margins
+    from harness.metrics import Margins
     from harness.verify.commands.equivalence import EquivalenceOptions, compare
 
     options = EquivalenceOptions(

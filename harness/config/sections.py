@@ -18,8 +18,7 @@ from harness.config.filters import CONTESTANTS, Filter
 from harness.config.keys import Section, key
 from harness.config.kinds import DURATION, LINE, NAME, RECORDED, SEED, SIZE, ListOf, OrNull, integer, number, one_of
 from harness.config.settings import ACCELERATOR, ENGINE, PRECISION, SAMPLER, SHADER
-from harness.metrics import METRICS
-from harness.statistics.equivalence import DEFAULT_MARGINS, Margins
+from harness.metrics import DEFAULT_MARGINS, METRICS, Margins
 from harness.suites import suite
 
 AUTOMATIC = "auto"
