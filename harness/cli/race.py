@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
@@ -145,6 +146,8 @@ def race(
     for note in notes:
         consoles()[1].print(note, markup=False, soft_wrap=True)
     options = Options(False, False, *allowed, ["raybench", *sys.argv[1:]])
+    # The report draws its plots itself; as files they would take ten seconds: `raybench report` writes them.
+    os.environ.setdefault("RAYBENCH_PLOTS", "none")
     if rays:
         raise typer.Exit(by_rays.measure(file, out, overrides or [], fresh, options, json))
     raise typer.Exit(experiments.run(file, out, overrides or [], fresh, options, terminal=RaceTerminal, answer=print_answer))
