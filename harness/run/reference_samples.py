@@ -52,8 +52,8 @@ def sufficiency(wanted: PlannedReference, root: Path, quality: Quality) -> Suffi
     by = "reference.spp" if wanted.until is None else "reference.max_time"
     return Sufficiency(
         False,
-        f"too few samples: the target {target:g} in {title} needs about {needed:,}, and {by} allows {spp:,}; times that its noise "
-        "affects are flagged",
+        f"too few samples: the target {target:g} in {title} needs about {needed:,}, and {by} allows {spp:,}; times that its "
+        "noise affects are flagged",
     )
 
 
