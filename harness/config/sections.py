@@ -179,10 +179,16 @@ class ReferenceConfig:
         return each, count + count % 2
 
 
+def makes_references(engine: str) -> bool:
+    """Whether an engine may make or certify a reference: the file of a renderer, and an engine with a Python of its own, may
+    not."""
+    return not is_file(engine) and split(engine)[1] is None
+
+
 def _reference(found: ReferenceConfig, given: Given, context: Any) -> ReferenceConfig:
     """Refuses engines that give no variance between samples."""
     for name in ("engine", "certify"):
-        if given[name] and (is_file(given[name]) or split(given[name])[1]):
+        if given[name] and not makes_references(given[name]):
             raise given.at(name).refuse("a renderer by process, or with a Python of its own, is raced, but makes no reference")
     if found.certify == (found.engine or REFERENCE_ENGINE):
         raise given.at("certify").refuse(
