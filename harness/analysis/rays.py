@@ -130,7 +130,7 @@ def ray_races(results: Results) -> list[list[RayContestant]]:
 
 
 def _shared(written: Combination, found: RaySettings, names: Iterable[str]) -> int:
-    """How many settings of a combination these are; it may leave options out. `names` are those of the engines of the config."""
+    """How many settings of a combination these are; it may leave options out. `names` are those of the config's engines."""
     return (
         (written.scene.name == found.scene)
         + is_named(written.engine, found.engine, names)
