@@ -42,8 +42,8 @@ class Band(NamedTuple):
 def band(results: Results, verdict: Verdict, x: str) -> Band:
     """Checkpoints that more than half of the seeds reached. `x` is a key of `X_LABELS`.
 
-    A seed that ended before a checkpoint counts as infinitely far in the medians of x and seconds: those of the others alone, the
-    faster ones, could go back in time. A seed that passed it, with other checkpoints, counts by interpolation.
+    A seed that ended before a checkpoint counts as infinitely far in the medians of x and seconds: those of the others alone,
+    the faster ones, could go back in time. A seed that passed it, with other checkpoints, counts by interpolation.
     """
     seeds = [_usable(results, cell, x) for cell in verdict.contestant.done]
     counts = Counter(spp for rows in seeds for spp in rows)
