@@ -149,6 +149,11 @@ def test_medians_over_seeds_never_go_back_in_time_where_the_faster_ones_go_furth
     cells = ending(first, 9.0, points[:-2]), ending(second, 1.0, points[:-1]), ending(third, 3.0, points)
     verdict = dataclasses.replace(verdict, contestant=dataclasses.replace(verdict.contestant, cells=cells))
     assert band(analysis.results, verdict, "seconds").spp.tolist() == [point.spp for point in points[:-1]]
+    points[-2] = points[-2].replaced(seconds=1.3 * least)
+    verdict = dataclasses.replace(
+        verdict, contestant=dataclasses.replace(verdict.contestant, cells=(ending(second, 1, points),))
+    )
+    assert band(analysis.results, verdict, "seconds").spp.tolist() == [*(point.spp for point in points[:-2]), points[-1].spp]
 
 
 def test_many_curves_are_split_into_facets_that_hold_each_once(analysis):

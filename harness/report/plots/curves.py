@@ -43,7 +43,8 @@ def band(results: Results, verdict: Verdict, x: str) -> Band:
     """Checkpoints that more than half of the seeds reached. `x` is a key of `X_LABELS`.
 
     A seed that ended before a checkpoint counts as infinitely far in the medians of x and seconds: those of the others alone,
-    the faster ones, could go back in time. A seed that passed it, with other checkpoints, counts by interpolation.
+    the faster ones, could go back in time. A seed that passed it, with other checkpoints, counts by interpolation. Patterns of
+    a sampler are rendered one by one: where a larger one took less time, the smaller one is left out.
     """
     seeds = [_usable(results, cell, x) for cell in verdict.contestant.done]
     counts = Counter(spp for rows in seeds for spp in rows)
@@ -53,7 +54,8 @@ def band(results: Results, verdict: Verdict, x: str) -> Band:
     error, se = np.array([np.median(each, axis=0) for each in errors]).reshape(-1, 2).T
     low, high = (np.array([fold(each[:, 0]) for each in errors]) for fold in (np.min, np.max))
     found = Band(spp, place, error, seconds, low, high, error <= NOISE_ERRORS * se)
-    return Band(*(values[np.isfinite(place)] for values in found))
+    later = np.minimum.accumulate(np.append(place, math.inf)[::-1])[::-1][1:]
+    return Band(*(values[place < later] for values in found))
 
 
 def _usable(results: Results, cell: Cell, x: str) -> dict[int, tuple[float, float, float, float]]:
@@ -68,11 +70,9 @@ def _usable(results: Results, cell: Cell, x: str) -> dict[int, tuple[float, floa
 
 def _median_reached(seeds: Sequence[Mapping[int, tuple[float, ...]]], spp: np.ndarray, column: int) -> np.ndarray:
     """The median over seeds of where each has so many samples; infinite where no more than half of them do."""
+    nowhere = np.full(len(spp), math.inf)
     reached = [
-        np.interp(spp, list(rows), [row[column] for row in rows.values()], right=math.inf)
-        if rows
-        else np.full(len(spp), math.inf)
-        for rows in seeds
+        np.interp(spp, [*rows], [row[column] for row in rows.values()], right=math.inf) if rows else nowhere for rows in seeds
     ]
     return np.median(reached, axis=0) if reached else np.zeros(0)
 
