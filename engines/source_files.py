@@ -7,7 +7,6 @@ limited to what one of its engines uses (`own_engine_files`), so that editing on
 
 from __future__ import annotations
 
-import ast
 import functools
 import hashlib
 import os
@@ -24,6 +23,11 @@ OWN = Path(__file__).resolve().parent
 SHARED = ("__init__.py", "registry.py", "peers/isolated")
 """Parts of `engines` that belong to every engine: what makes one of a name, and the process that one may run in."""
 _IMPORTED = re.compile(rb"^[ \t]*(?:from[ \t]+(\w+)[\w.]*[ \t]+import\b|import[ \t]+([\w., \t]+))", re.MULTILINE)
+
+_OWN_IMPORT = re.compile(
+    rb"^[ \t]*(?:from[ \t]+(engines(?:\.\w+)*)[ \t]+import[ \t]*(\([^)]*\)|[^\n]*)|import[ \t]+(engines\b[^\n]*))", re.MULTILINE
+)
+_COMMENT = re.compile(rb"#[^\n]*")
 
 
 def code_files(modules: Iterable[Path]) -> list[tuple[str, Path]]:
@@ -81,15 +85,11 @@ def _imported_parts(part: Path, package: Path) -> frozenset[str]:
 
 
 def _imported_names(code: bytes) -> Iterator[str]:
-    """Full names of what a file imports from `engines`; relative imports are not used there."""
-    for node in ast.walk(ast.parse(code)):
-        if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            names = [f"{node.module}.{alias.name}" for alias in node.names]
-        else:
-            continue
-        yield from (name for name in names if name.split(".")[0] == "engines")
+    """Full names of what a file imports from `engines`; relative imports are not used there. Read by a pattern, since a worker
+    waits for it and parsing takes ten times as long; a line of a text that looks like an import counts as one."""
+    for module, several, plain in _OWN_IMPORT.findall(code):
+        names = [part.split()[0] for part in _COMMENT.sub(b"", several or plain).strip(b"()").split(b",") if part.split()]
+        yield from (f"{module.decode()}.{name.decode()}" if module else name.decode() for name in names)
 
 
 def _root(file: Path) -> Path:

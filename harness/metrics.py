@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.util import find_spec
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,6 +59,16 @@ METRIC_MEANINGS = {
     "nonfinite": "pixels with a NaN or infinite channel",
     "mean": "mean radiance of a channel over the image",
 }
+
+
+class Margins(NamedTuple):
+    """How far equivalent images may lie apart, as shares: `image` of the mean radiance, `tile` of a tile's."""
+
+    image: float = 0.005
+    tile: float = 0.05
+
+
+DEFAULT_MARGINS = Margins()
 
 
 @dataclass(frozen=True)

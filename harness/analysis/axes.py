@@ -109,7 +109,7 @@ def places(results: Results) -> dict[Settings, int]:
         return (
             (one.rays is None)
             + (one.scene.name == settings.scene)
-            + _names(one.engine, settings.engine, names)
+            + is_named(one.engine, settings.engine, names)
             + (one.threads == settings.threads)
             + (one.precision in (None, settings.precision))
             + (one.resolution in (None, settings.resolution))
@@ -124,7 +124,7 @@ def places(results: Results) -> dict[Settings, int]:
     return found
 
 
-def _names(written: str, engine: str, names: Iterable[str]) -> bool:
+def is_named(written: str, engine: str, names: Iterable[str]) -> bool:
     """Whether a config's engine may be that of tables. Of code, a file and a Python of its own the name is not known here."""
     if written == engine:
         return True

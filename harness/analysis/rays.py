@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from engines.choices import Choice
+from harness.analysis.axes import is_named
 from harness.analysis.comparisons import clock_steps
-from harness.config.experiment import PREFERRED_BASELINES
 from harness.config.settings import RAY_KINDS, Combination
 from harness.statistics import (
     UNKNOWN_SPREAD,
@@ -96,7 +96,7 @@ class RayContestant:
 
 def ray_races(results: Results) -> list[list[RayContestant]]:
     """Contestants by scene, set of rays, threads and machine, in each race in the order in which they are baselines: those that
-    the config's `baseline` matches, then by engine (numpy, numba, embree, others by name), then as the config writes them."""
+    the config's `baseline` matches, then as the config writes them, then by the engine's name."""
     cells: dict[tuple[RaySettings, str], list[RayCell]] = {}
     for cell in results.ray_cells:
         cells.setdefault((cell.settings, cell.ray_set_id), []).append(cell)
@@ -108,14 +108,15 @@ def ray_races(results: Results) -> list[list[RayContestant]]:
         for (s, _), own in cells.items()
     ]
     scenes = list(dict.fromkeys([*(each.scene.name for each in results.config.combinations), *(s.scene for s, _ in cells)]))
-    engines = list(dict.fromkeys([*PREFERRED_BASELINES, *sorted(s.engine for s, _ in cells)]))
-    named = results.config.baseline
+    named, written = results.config.baseline, results.config.combinations
+    names = {each.engine for each in written}
 
     def place(one: RayContestant) -> tuple[Any, ...]:
-        s, written = one.settings, results.config.combinations
-        own = next((index for index, each in enumerate(written) if _stands_for(each, s)), len(written))
+        s = one.settings
+        shared = [_shared(each, s, names) for each in written]
+        own = shared.index(max(shared)) if shared else 0
         other = named is not None and not named.matches(s)
-        return scenes.index(s.scene), RAY_KINDS.index(s.rays), s.threads, other, engines.index(s.engine), own, s.label
+        return scenes.index(s.scene), RAY_KINDS.index(s.rays), s.threads, other, own, s.engine, s.label
 
     races: dict[tuple[str, ...], list[RayContestant]] = {}
     for one in sorted(found, key=place):
@@ -129,10 +130,14 @@ def ray_races(results: Results) -> list[list[RayContestant]]:
     return [each.raced(spreads[each.machine], results.config.same_within) for each in timed]
 
 
-def _stands_for(written: Combination, found: RaySettings) -> bool:
-    """Whether a combination of the config has these settings, whatever its scene and engine; it may leave options out."""
-    options = written.accelerator.describe().items() <= found.accelerator.describe().items()
-    return options and (written.rays, written.precision, written.threads) == (found.rays, found.precision, found.threads)
+def _shared(written: Combination, found: RaySettings, names: Iterable[str]) -> int:
+    """How many settings of a combination these are; it may leave options out. `names` are those of the config's engines."""
+    return (
+        (written.scene.name == found.scene)
+        + is_named(written.engine, found.engine, names)
+        + (written.accelerator.describe().items() <= found.accelerator.describe().items())
+        + sum(getattr(written, key) == getattr(found, key) for key in ("rays", "precision", "threads"))
+    )
 
 
 class _Times:

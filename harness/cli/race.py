@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
@@ -145,6 +146,8 @@ def race(
     for note in notes:
         consoles()[1].print(note, markup=False, soft_wrap=True)
     options = Options(False, False, *allowed, ["raybench", *sys.argv[1:]])
+    # The report draws its plots itself; as files they would take ten seconds: `raybench report` writes them.
+    os.environ.setdefault("RAYBENCH_PLOTS", "none")
     if rays:
         raise typer.Exit(by_rays.measure(file, out, overrides or [], fresh, options, json))
     raise typer.Exit(experiments.run(file, out, overrides or [], fresh, options, terminal=RaceTerminal, answer=print_answer))
@@ -188,6 +191,7 @@ def _by_images(
     """The experiment of a race by images, and what is to be said of the settings that were chosen."""
     from engines.errors import ConfigError
     from engines.registry import lineage_of
+    from harness.config.settings import ENGINE
     from harness.measure.machine import usable_cores
 
     if not all(isinstance(each, (int, float)) and not isinstance(each, bool) and 0 < each < math.inf for each in targets):
@@ -195,6 +199,7 @@ def _by_images(
     name = _name(scenes, axes)
     axes = {"engine": ["numba"], "threads": [len(usable_cores())], **axes}
     engines = _engines(axes["engine"], allowed)
+    axes["engine"] = [ENGINE.write(each) for each in engines]
     loaded = [_scene(each, allowed) for each in scenes]
     written: dict[str, Any] = {"raybench_experiment": 1, "name": name}
     matrix: dict[str, Any] = {"scene": scenes, **axes}
@@ -237,12 +242,15 @@ def _by_images(
 
 
 def _engines(named: Sequence[Any], allowed: tuple[bool, bool, bool]) -> dict[str, Engine]:
-    """The engines by their names in the experiment. Unknown ones are left to the experiment's reader to refuse."""
+    """The engines by their names, of what stands for them in an experiment. Raises `ConfigError` as its reader does."""
+    from engines.errors import ConfigError
     from engines.registry import engine
+    from engines.schema.yaml_file import locate
+    from harness.config.settings import ENGINE
     from harness.settings import require_commands, require_imports
 
     found: dict[str, Engine] = {}
-    for name in map(str, named):
+    for name in (ENGINE.read(locate(each, "--engine", ConfigError)) for each in named):
         require_imports(name, allowed[0])
         require_commands(name, allowed[1])
         found[name] = engine(name)

@@ -18,8 +18,7 @@ from harness.config.filters import CONTESTANTS, Filter
 from harness.config.keys import Section, key
 from harness.config.kinds import DURATION, LINE, NAME, RECORDED, SEED, SIZE, ListOf, OrNull, integer, number, one_of
 from harness.config.settings import ACCELERATOR, ENGINE, PRECISION, SAMPLER, SHADER
-from harness.metrics import METRICS
-from harness.statistics.equivalence import DEFAULT_MARGINS, Margins
+from harness.metrics import DEFAULT_MARGINS, METRICS, Margins
 from harness.suites import suite
 
 AUTOMATIC = "auto"
@@ -180,10 +179,16 @@ class ReferenceConfig:
         return each, count + count % 2
 
 
+def makes_references(engine: str) -> bool:
+    """Whether an engine may make or certify a reference: the file of a renderer, and an engine with a Python of its own, may
+    not."""
+    return not is_file(engine) and split(engine)[1] is None
+
+
 def _reference(found: ReferenceConfig, given: Given, context: Any) -> ReferenceConfig:
     """Refuses engines that give no variance between samples."""
     for name in ("engine", "certify"):
-        if given[name] and (is_file(given[name]) or split(given[name])[1]):
+        if given[name] and not makes_references(given[name]):
             raise given.at(name).refuse("a renderer by process, or with a Python of its own, is raced, but makes no reference")
     if found.certify == (found.engine or REFERENCE_ENGINE):
         raise given.at("certify").refuse(

@@ -1,6 +1,6 @@
 """From an experiment to cells: the spec of each, its id, and what cannot be done.
 
-All engines and scenes are loaded here once, so that every mistake in a name is found before anything runs.
+`loaded` has the engines and scenes, `reference_specs` plans the references.
 """
 
 from __future__ import annotations
@@ -15,42 +15,36 @@ from types import SimpleNamespace
 from typing import Any
 
 from engines import memory
-from engines.choices import SAMPLERS, Choice, resolve
-from engines.errors import ConfigError, RaybenchError, UnknownName, suggestion
+from engines.choices import Choice
+from engines.errors import ConfigError, suggestion
 from engines.film import BYTES_A_PIXEL as FILM_BYTES
-from engines.interface import Engine
-from engines.registry import engine as engine_of
-from engines.registry import is_file, lineage_of
+from engines.registry import is_file
 from engines.scene import Scene
 from harness.config import SCHEMA_VERSION, Experiment
 from harness.config.experiment import FEWEST_TWINS, PREFERRED_BASELINES
 from harness.config.filters import Filter
 from harness.config.paths import shown
-from harness.config.sections import AUTOMATIC, REFERENCE_ENGINE
-from harness.config.settings import Budget, Combination, SceneFile
+from harness.config.settings import Budget, Combination
 from harness.hashing import digest
-from harness.measure.machine import usable_cores
 from harness.measure.schedule import Schedule
 from harness.metrics import as_error
-from harness.plan import answers, certifiers
-from harness.plan.cells import Cell, Plan, flow
-from harness.plan.names import names_of
+from harness.plan import answers
+from harness.plan.cells import Cell, Plan
+from harness.plan.loaded import Loaded
 from harness.plan.patterns import full_patterns
 from harness.plan.ray_sets import PlannedRaySet
-from harness.plan.references import Certifier, PlannedReference
+from harness.plan.reference_specs import by_id, reference_of
+from harness.plan.references import PlannedReference
 from harness.plan.verify_jobs import planned
 from harness.processes import allow_here
-from harness.settings import CellSettings, TracerSettings, completed, require_commands, require_imports
-from harness.source_hashes import engine_code, environment_of, plugin_codes
-from harness.statistics.reference_noise import SAMPLES_KNOWN
+from harness.settings import CellSettings, TracerSettings
+from harness.source_hashes import environment_of, plugin_codes
 from harness.trace import rays
 
 BYTES_A_PIXEL = 2 * FILM_BYTES + 4 * 3 * 8
 """Of a cell: a film where it is rendered and one here, and the reference's mean, halves and variance."""
 AA_LABEL = "A/A"
 """Of the first twin of a contestant; that of its second is `A/A 2`."""
-DEFAULT_SPP = 8192
-"""Of a reference where neither the config nor its targets say how many, and the most that its certifier renders."""
 
 
 def make(
@@ -58,9 +52,9 @@ def make(
 ) -> Plan:
     """The plan of an experiment. Raises `RaybenchError` for names, options and scenes that do not exist."""
     allow_here(allow_imports, experiment.folder)
-    known = _Known(experiment, allow_imports, allow_commands, allow_outside)
+    known = Loaded(experiment, allow_imports, allow_commands, allow_outside)
     found = [_configured(experiment, combination, known) for combination in experiment.combinations]
-    references = _with_time(experiment, found)
+    references = by_id(experiment, found)
     _one_division(experiment, found)
     _one_budget(experiment, found)
     _stops_behind_the_targets(experiment, found)
@@ -173,73 +167,7 @@ def _pairs_exist(experiment: Experiment, configurations: Iterable[Cell]) -> None
             raise ConfigError(f"{where}: its sides are in different divisions, which are not compared")
 
 
-class _Known:
-    """Every engine and scene that the experiment names, loaded once."""
-
-    def __init__(self, experiment: Experiment, allow_imports: bool, allow_commands: bool, allow_outside: bool) -> None:
-        self.allow_imports, self.allow_outside, self._source = allow_imports, allow_outside, experiment.source
-        names = dict.fromkeys(combination.engine for combination in experiment.combinations)
-        self.engines: dict[str, Engine] = {}
-        reference = experiment.reference
-        certify = None if reference.certify == AUTOMATIC else reference.certify
-        self.reference_engines = (
-            (reference.engine,) if reference.engine else (REFERENCE_ENGINE, *list(names)[: len(names) == 1])
-        )
-        for name in filter(None, [*names, *((*self.reference_engines, certify) if experiment.renders else ())]):
-            require_imports(name, allow_imports)
-            require_commands(name, allow_commands)
-            answers.accelerators(self.engines.setdefault(name, engine_of(name)))  # raises: it cannot list them
-        self.names = names_of(self.engines)
-        self.candidates: dict[str, Engine | None] = {}
-        self._codes: dict[str, str] = {}
-        files = dict.fromkeys(self.file(combination) for combination in experiment.combinations)
-        self.scenes: dict[SceneFile, Scene] = {file: file.load(allow_imports) for file in files}
-
-    def file(self, combination: Combination) -> SceneFile:
-        """The scene's file, as it may be read."""
-        return replace(combination.scene, allow_outside=self.allow_outside)
-
-    def code(self, name: str) -> str:
-        """The hash of an engine's code."""
-        if name not in self._codes:
-            engine = self.candidate(name)
-            assert engine is not None
-            self._codes[name] = engine_code(engine, name)
-        return self._codes[name]
-
-    def candidate(self, name: str) -> Engine | None:
-        """An engine, whether or not the experiment names it; None where it cannot be loaded."""
-        if name in self.engines:
-            return self.engines[name]
-        if name not in self.candidates:
-            try:
-                self.candidates[name] = engine_of(name)
-            except RaybenchError:
-                self.candidates[name] = None
-        return self.candidates[name]
-
-    def completed(self, kind: str, given: Choice) -> Choice:
-        """A choice with all options of the plugin that it names. Raises `ConfigError` with the experiment's file."""
-        try:
-            return completed(kind, given, self.allow_imports)
-        except RaybenchError as error:
-            raise ConfigError(f"{self._source}: {error}") from error
-
-    def accelerator(self, name: str, given: Choice) -> tuple[Choice, str | None]:
-        """The accelerator with its options, and why the engine has none such. Unknown to all engines is an error."""
-        if ":" in given.name:
-            return self.completed("accelerator", given), None
-        if answers.resolves(self.engines[name], given):
-            return answers.resolved(self.engines[name], given), None
-        if any(answers.resolves(other, given) for other in self.engines.values()):
-            return given, f"the engine {name} has no accelerator {flow(given)}"
-        for other in self.engines.values():
-            if given.name in answers.accelerators(other):
-                answers.resolved(other, given)  # raises: it knows the name, but not the options
-        raise UnknownName("accelerator", given.name, {a for e in self.engines.values() for a in answers.accelerators(e)})
-
-
-def _configured(experiment: Experiment, combination: Combination, known: _Known) -> tuple[Cell, PlannedReference | None]:
+def _configured(experiment: Experiment, combination: Combination, known: Loaded) -> tuple[Cell, PlannedReference | None]:
     """A configuration as a cell without block and seed, and the reference it needs."""
     if combination.rays is not None:
         return _tracing(experiment, combination, combination.rays, known), None
@@ -260,7 +188,7 @@ def _configured(experiment: Experiment, combination: Combination, known: _Known)
     if combination.precision is None and not lacking:
         settings = replace(settings, precision=answers.precision(engine, scene, settings, known.allow_imports))
     skip = lacking or answers.why_not(engine, scene, settings, known.allow_imports)
-    wanted, unreferenced = _reference(experiment, file, scene, settings, known)
+    wanted, unreferenced = reference_of(experiment, file, scene, settings, known)
     skip = skip or unreferenced
     budget = combination.budget
     patterns = None if skip else full_patterns(engine, settings.sampler, Schedule.of(experiment.checkpoints, budget))
@@ -288,7 +216,7 @@ def _configured(experiment: Experiment, combination: Combination, known: _Known)
     return cell, None if skip else wanted
 
 
-def _tracing(experiment: Experiment, combination: Combination, kind: str, known: _Known) -> Cell:
+def _tracing(experiment: Experiment, combination: Combination, kind: str, known: Loaded) -> Cell:
     """A configuration that traces rays of a kind."""
     file = known.file(combination)
     scene, engine = known.scenes[file], known.engines[combination.engine]
@@ -304,7 +232,7 @@ def _tracing(experiment: Experiment, combination: Combination, kind: str, known:
 
 def _cell(
     combination: Combination,
-    known: _Known,
+    known: Loaded,
     settings: CellSettings | TracerSettings,
     spec: Mapping[str, Any],
     skip: str | None,
@@ -351,128 +279,6 @@ def primitive_count(scene: Scene) -> int:
     """Triangles, spheres and other shapes: what a tree is built over."""
     parts = (getattr(shape, "faces", getattr(shape, "radii", None)) for shape in scene.shapes)
     return sum(1 if part is None else len(part) for part in parts)
-
-
-def _reference(
-    experiment: Experiment, file: SceneFile, scene: Scene, settings: CellSettings, known: _Known
-) -> tuple[PlannedReference | None, str | None]:
-    """The reference of a scene, shader and size; or why no engine that may can make it."""
-    reasons: dict[str, str] = {}
-    for name in dict.fromkeys(known.reference_engines):
-        planned, why_not = _reference_by(name, experiment, file, scene, settings, known)
-        if planned is not None:
-            return planned, None
-        reasons[name] = f"no reference by {name}: {why_not}"
-    return None, "; ".join(reasons.values())
-
-
-def _reference_by(
-    name: str, experiment: Experiment, file: SceneFile, scene: Scene, settings: CellSettings, known: _Known
-) -> tuple[PlannedReference | None, str | None]:
-    """The reference by an engine; or why it cannot make it. A sampler that no config names may be independent numbers, too."""
-    given = experiment.reference
-    engine = known.engines[name]
-    settings = replace(
-        settings,
-        precision=given.precision or "float64",
-        threads=1,
-        sampler=given.sampler,
-        shader=known.completed("shader", given.shader or settings.shader),
-        accelerator=answers.resolved(engine, given.accelerator),
-    )
-    if given.precision is None:
-        settings = replace(settings, precision=answers.precision(engine, scene, settings, known.allow_imports))
-    why_not = answers.why_not(engine, scene, settings, known.allow_imports)
-    if why_not and given.engine is None and name != REFERENCE_ENGINE:
-        settings = replace(settings, sampler=resolve("sampler", "random", SAMPLERS))
-        why_not = answers.why_not(engine, scene, settings, known.allow_imports)
-    if why_not:
-        return None, why_not
-    until = _until(experiment)
-    if given.spp is None and until is None:
-        given = replace(given, spp=DEFAULT_SPP)
-    each, count = given.replicates
-    plain = settings.describe()
-    spec = {
-        "schema": SCHEMA_VERSION,
-        "scene": scene.identity,
-        "engine": name,
-        "engine_version": str(engine.version),
-        "replicate_spp": each,
-        "replicates": count,
-        **({"until": until} if given.spp is None else {}),
-        "seed": given.seed,
-        **{key: value for key, value in plain.items() if key != "threads"},
-    }
-    spec["code"] = {"engine": known.code(name), **plugin_codes(plain)}
-    planned = PlannedReference(
-        file,
-        scene.identity,
-        spec,
-        replace(settings, threads=given.threads or len(usable_cores())),
-        lineage_of(engine),
-        margins=experiment.equivalence.margins,
-    )
-    return replace(planned, certifier=_certifier(experiment, scene, planned, known)), None
-
-
-def _until(experiment: Experiment) -> dict[str, Any] | None:
-    """What decides the samples of a reference whose number is not given; None where no formula does."""
-    quality, most = experiment.quality, experiment.reference.max_time_seconds
-    if quality.targets is None or quality.metric not in SAMPLES_KNOWN:
-        return None
-    return {
-        "metric": quality.metric,
-        "epsilon": quality.epsilon if quality.metric == "relmse" else None,
-        "target": min(as_error(quality.metric, target) for target in quality.targets),
-        **({} if most is None else {"max_seconds": most}),
-    }
-
-
-def _with_time(experiment: Experiment, found: Iterable[tuple[Cell, PlannedReference | None]]) -> dict[str, PlannedReference]:
-    """The references by id, each with the time that it may take: that of the config, else that of its cells."""
-    references: dict[str, PlannedReference] = {}
-    for cell, wanted in found:
-        if wanted is not None:
-            before = references.get(wanted.reference_id)
-            seconds = cell.budget.max_time_seconds * experiment.repeats + (before.max_seconds if before else 0.0)
-            references[wanted.reference_id] = replace(wanted, max_seconds=seconds)
-    given = experiment.reference.max_time_seconds
-    return {key: each if given is None else replace(each, max_seconds=given) for key, each in references.items()}
-
-
-def _certifier(experiment: Experiment, scene: Scene, wanted: PlannedReference, known: _Known) -> Certifier | None:
-    """The engine that the config names, or the first able one of another lineage."""
-    name, width, height = experiment.reference.certify, wanted.spec["width"], wanted.spec["height"]
-    if name is None:
-        return None
-    if name == AUTOMATIC:
-        names = certifiers.candidates(width, height)
-        return certifiers.first_able(names, wanted.lineage, lambda name: _as_certifier(name, scene, wanted, known))
-    engine, by = known.engines[name], wanted.spec["engine"]
-    where = f"{experiment.source} reference.certify"
-    certifiers.refuse_own_lineage(where, engine, name, known.engines[by], by)
-    return _as_certifier(name, scene, wanted, known)
-
-
-def _as_certifier(name: str, scene: Scene, wanted: PlannedReference, known: _Known) -> Certifier | None:
-    """How an engine would certify: its own accelerator and precision; None where it cannot be loaded."""
-    engine = known.candidate(name)
-    if engine is None:
-        return None
-    lineage = lineage_of(engine)
-    spp = DEFAULT_SPP if wanted.until else wanted.spp
-    share = certifiers.share(lineage, wanted.spec["width"], wanted.spec["height"], spp)
-    given = certifiers.smaller(wanted.settings, share.factor)
-    given = replace(given, accelerator=answers.resolved(engine, Choice("auto")))
-    why_not: str | None = None
-    for sampler in (given.sampler, *certifiers.samplers(share.spp)):
-        given = replace(given, sampler=sampler)
-        given = replace(given, precision=answers.precision(engine, scene, given, known.allow_imports))
-        why_not = answers.why_not(engine, scene, given, known.allow_imports)
-        if why_not is None:
-            break
-    return Certifier(name, lineage, f"{engine.version}+{known.code(name)[:8]}", given, share.spp, share.factor, why_not)
 
 
 def _with_aa_twins(experiment: Experiment, configurations: list[Cell]) -> list[Cell]:

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 from harness.config.settings import SceneFile
 from harness.hashing import digest
+from harness.metrics import DEFAULT_MARGINS, Margins
 from harness.settings import CellSettings
-from harness.statistics.equivalence import DEFAULT_MARGINS, Margins
 
 REPLICATES = 8
 """Images that a certifier renders, each under a seed of its own."""

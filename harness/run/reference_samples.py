@@ -10,7 +10,7 @@ from harness.config import Quality
 from harness.metrics import Reference, as_error, metric_title
 from harness.plan.references import PlannedReference
 from harness.run.progress import duration
-from harness.run.references import pilot_in
+from harness.run.references import is_final, pilot_in
 from harness.statistics.reference_noise import SAMPLES_KNOWN, samples_needed
 from harness.store.reference_files import META, film_in, meta_of
 
@@ -49,9 +49,11 @@ def sufficiency(planned: PlannedReference, root: Path, quality: Quality) -> Suff
         )
     if needed <= spp:
         return Sufficiency(True, f"enough samples: the target {target:g} in {title} needs about {needed:,}")
+    by = "reference.spp" if planned.until is None else "reference.max_time"
     return Sufficiency(
         False,
-        f"too few samples: the target {target:g} in {title} needs about {needed:,}; times that its noise affects are flagged",
+        f"too few samples: the target {target:g} in {title} needs about {needed:,}, and {by} allows {spp:,}; times that its "
+        "noise affects are flagged",
     )
 
 
@@ -87,11 +89,11 @@ def _time(planned: PlannedReference, root: Path, needed: int) -> str:
 
 
 def spp_of(planned: PlannedReference, root: Path) -> int | None:
-    """Samples per pixel of a reference; None where they are as many as it needs, and it is not finished."""
+    """Samples per pixel of a reference; None where they are as many as it needs, and it is not finished or will be extended."""
     if planned.until is None:
         return planned.spp
     try:
         meta = meta_of(planned.folder(root))
     except ConfigError:
         return None
-    return meta.done * meta.spec.replicate_spp if meta.complete else None
+    return meta.done * meta.spec.replicate_spp if is_final(planned, meta) else None

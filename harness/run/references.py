@@ -12,7 +12,8 @@ quasi-random samplers too. On disk it is a film whose samples are the replicates
 They lie in a cache folder, named by what they are made of, and all runs share them. One process at a time makes a
 reference; others wait for it. Files appear whole, and a finished reference is not written again. One that is interrupted
 goes on where it was; one of more samples starts from the largest that is there with the same seeds, and is the same to
-the bit as one made at once. Where the spec has `until`, replicates are added until there are enough for its target.
+the bit as one made at once. Where the spec has `until`, replicates are added until there are enough for its target, or its time
+has passed: a run that allows more time adds to that one.
 """
 
 from __future__ import annotations
@@ -56,13 +57,19 @@ class Images(Protocol):
 
 
 def ready(planned: PlannedReference, root: Path) -> bool:
-    """Whether it is on disk, whole and fresh; one that is damaged or stale is refused with what to do."""
+    """Whether it is on disk, whole, fresh, and with all samples that its time allows; one that is damaged or stale is refused
+    with what to do."""
     folder = planned.folder(root)
     if not (folder / META).exists():
         return False
     meta = meta_of(folder)
     refuse_stale(folder, meta, planned.reference_id, planned.scene_hash)
-    return meta.complete
+    return is_final(planned, meta)
+
+
+def is_final(planned: PlannedReference, meta: ReferenceMeta) -> bool:
+    """Whether nothing is to be added: it is complete, and was not cut short by less time than there is now."""
+    return meta.complete and not (meta.cut_short and _affordable(planned, meta.done, meta.seconds) > meta.done)
 
 
 def make(
@@ -87,6 +94,7 @@ def held(planned: PlannedReference, root: Path, waits: Callable[[], None] = lamb
 def _made(planned: PlannedReference, root: Path, pool: Images, report: Report) -> ReferenceMeta:
     folder = planned.folder(root)
     film, seconds = _start(planned, root)
+    usable = (folder / META).exists() and meta_of(folder).complete  # and stays so while more is added
     first, saved = film.spp, monotonic()
     while film.spp < (count := _replicates_needed(planned, film, seconds)):
         if film.spp == first:
@@ -96,7 +104,7 @@ def _made(planned: PlannedReference, root: Path, pool: Images, report: Report) -
             seconds += more
             _add(film, replicate, planned)
             if monotonic() - saved > SAVE_EVERY_SECONDS:
-                _save(folder, planned, film, seconds)
+                _save(folder, planned, film, seconds, complete=usable)
                 saved = monotonic()
             if film.spp < count:
                 report(film.spp, count)
@@ -113,10 +121,20 @@ def _replicates_needed(planned: PlannedReference, film: Film, seconds: float) ->
     done, fewest = film.spp, int(planned.spec["replicates"])
     if planned.until is None or done < fewest:
         return fewest
+    count = max(done, min(_for_the_target(planned, film), _affordable(planned, done, seconds), 2 * done))
+    return count + count % 2
+
+
+def _for_the_target(planned: PlannedReference, film: Film) -> int:
+    """The replicates that the target of a spec with `until` asks for, by the noise of those that are there."""
+    assert planned.until is not None
     needed = samples_needed(pilot_in(film, planned.spec["replicate_spp"]), planned.until["target"], planned.until["epsilon"])
-    affordable = int(planned.max_seconds * done / seconds) if seconds > 0 else MOST_REPLICATES
-    count = min(-(-needed // planned.spec["replicate_spp"]), affordable, 2 * done, MOST_REPLICATES)
-    return max(count, done) + max(count, done) % 2
+    return min(-(-needed // planned.spec["replicate_spp"]), MOST_REPLICATES)
+
+
+def _affordable(planned: PlannedReference, done: int, seconds: float) -> int:
+    """The replicates that the time allows, by those that are `done` and took `seconds`."""
+    return int(min(planned.max_seconds * done / seconds, MOST_REPLICATES)) if seconds > 0 else MOST_REPLICATES
 
 
 def pilot_in(film: Film, replicate_spp: int) -> ReferenceImage:
@@ -210,6 +228,7 @@ def _save(folder: Path, planned: PlannedReference, film: Film, seconds: float, c
         spec=ReferenceSpec(**planned.spec),
         done=film.spp,
         complete=complete or (planned.until is None and film.spp == planned.spec["replicates"]),
+        cut_short=complete and planned.until is not None and _for_the_target(planned, film) > film.spp,
         file=name,
         sha256=checksum(folder / name),
         seconds=seconds,

@@ -211,7 +211,7 @@ class Sweep:
     def make_references(self, pool: references.Images) -> None:
         """Makes what cells to be measured need; a cell whose reference fails has failed."""
         needed = dict.fromkeys(cell.reference_id for cell in self._cells())
-        named = {event.reference_id for event in store.of_kind(self.recorder.history, records.Reference)}
+        named = {event.reference_id: event.spp for event in store.of_kind(self.recorder.history, records.Reference)}
         for reference_id, planned in self.plan.references.items():
             if self.recorder.stopped:
                 return
@@ -224,8 +224,10 @@ class Sweep:
             except (WorkerFailed, WorkerTimeout) as error:
                 self.recorder.without(reference_id, f"no reference: {error}")
                 continue
-            if reference_id not in named and references.ready(planned, self.recorder.root):
-                self.recorder.append(references.event(planned, self.recorder.root))
+            if references.ready(planned, self.recorder.root):
+                event = references.event(planned, self.recorder.root)
+                if named.get(reference_id) != event.spp:  # it is new, or has been extended
+                    self.recorder.append(event)
             self._certify(planned, pool)
         self._write_references()
 

@@ -9,12 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
+from harness.metrics import DEFAULT_MARGINS, Margins
 from harness.statistics.tiles import Differences, differences, image_scale, largest, relative, tile_scale
 
 Array = NDArray[np.float64]
@@ -29,14 +30,6 @@ ROUNDED_SHARE = 0.95
 """Share of the pixels that must agree up to `ROUNDING`: in the others rounding sent a path another way."""
 
 
-class Margins(NamedTuple):
-    """How far equivalent images may lie apart, as shares: `image` of the mean radiance, `tile` of a tile's."""
-
-    image: float = 0.005
-    tile: float = 0.05
-
-
-DEFAULT_MARGINS = Margins()
 EquivalenceVerdict = Literal["identical", "equivalent", "different", "unresolved"]
 
 

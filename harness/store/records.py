@@ -555,7 +555,8 @@ class ReferenceSpec(Record):
 
 
 class ReferenceMeta(Record):
-    """How far a reference is, and the `file` of its film so far."""
+    """How far a reference is, and the `file` of its film so far. `cut_short`: its time ended before it had the samples that its
+    target needs."""
 
     reference_id: Id
     family: str
@@ -564,6 +565,7 @@ class ReferenceMeta(Record):
     spec: ReferenceSpec
     done: Count
     complete: bool
+    cut_short: bool = False
     file: Annotated[str, Field(pattern=r"^film-[0-9]{1,10}\.npz$")]
     sha256: str
     seconds: Seconds

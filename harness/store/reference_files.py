@@ -79,17 +79,26 @@ def read(folder: Path, reference_id: str, scene_hash: str) -> Reference:
     """The arrays of a complete reference; refused when its scene, its id or its checksum is another."""
     from harness.metrics import Reference
 
-    meta = meta_of(folder)
-    refuse_stale(folder, meta, reference_id, scene_hash)
-    if not meta.complete:
-        raise ConfigError(f"{folder}: this reference was not finished: run the experiment again")
-    film = film_in(folder, meta)
+    meta, film = _whole(folder, reference_id, scene_hash)
     if film.bad_samples:
         raise ConfigError(
             f"{folder}: {film.bad_samples} of this reference's samples are NaN or infinite: finite radiance is expected"
         )
     spp = meta.done * meta.spec.replicate_spp
     return Reference(film.mean(), film.half(0), film.half(1), film.variance_of_mean(), spp)
+
+
+def _whole(folder: Path, reference_id: str, scene_hash: str) -> tuple[ReferenceMeta, Film]:
+    meta = meta_of(folder)
+    refuse_stale(folder, meta, reference_id, scene_hash)
+    if not meta.complete:
+        raise ConfigError(f"{folder}: this reference was not finished: run the experiment again")
+    try:
+        return meta, film_in(folder, meta)
+    except ConfigError:
+        if meta_of(folder) == meta:
+            raise
+    return _whole(folder, reference_id, scene_hash)  # another process has extended it meanwhile
 
 
 def carry(results: Path, record: ReferenceRecord, out: Path, small: bool) -> None:

@@ -19,7 +19,7 @@ from harness import config
 from harness.config.experiment import FEWEST_TWINS
 from harness.config.paths import shipped
 from harness.hashing import canonical_json, digest
-from harness.plan import answers, planner, state
+from harness.plan import answers, loaded, planner, state
 from harness.store import records
 from harness.store.records import Point
 from tests import needs
@@ -365,6 +365,17 @@ def test_an_engine_that_cannot_list_its_accelerators_is_an_error_that_names_it(t
     monkeypatch.setattr(fake_engines.Other, "accelerators", answer)
     with pytest.raises(RaybenchError, match=message):
         planned(tmp_path)
+
+
+@pytest.mark.parametrize(("engine", "able"), [("fake_engines:Steady", True), ("{name: numpy, python: this}", False)])
+def test_the_only_engine_makes_references_after_numba_where_it_may(engine, able, tmp_path, monkeypatch):
+    """The file of a renderer, and an engine with a Python of its own, may make none."""
+    monkeypatch.setattr(loaded, "REFERENCE_ENGINE", "fake_engines:Picky")
+    made = planned(tmp_path, overrides=["reference.engine=null", f"matrix.engine=[{engine}]"])
+    assert {wanted.spec["engine"] for wanted in made.references.values()} == ({engine} if able else set())
+    assert {cell.skip for cell in made.cells} == {
+        None if able else "no reference by fake_engines:Picky: it never feels like it"
+    }
 
 
 def test_a_mitsuba_file_is_read_with_parameters_and_outside_of_its_folder_where_that_is_allowed(tmp_path):

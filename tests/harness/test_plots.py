@@ -120,10 +120,40 @@ def test_looks_differ_by_more_than_colour(analysis):
     assert len({(str(look.line), look.marker, look.width) for look in same_engine.values()}) == len(same_engine)
 
 
-def test_the_band_holds_the_median_and_stops_where_half_the_seeds_did(analysis):
+def test_the_band_holds_the_median_of_the_seeds(analysis):
     verdict = analysis.verdicts[0]
     data = band(analysis.results, verdict, "seconds")
     assert (data.low <= data.error).all() and (data.error <= data.high).all() and (np.diff(data.x) > 0).all()
+
+
+def test_medians_over_seeds_never_go_back_in_time_where_the_faster_ones_go_further(analysis):
+    """Of three seeds the slowest ends two checkpoints before the others, at the second with one more of its own."""
+
+    def ending(cell, slowness, points):
+        points = [point.replaced(seconds=slowness * point.seconds) for point in points]
+        return cell.replaced(points=tuple(points))
+
+    verdict = analysis.verdicts[0]
+    first, second, third = verdict.contestant.done
+    *points, before, last = first.points
+    least = points[-1].seconds
+    points += [before.replaced(seconds=1.1 * least), last.replaced(seconds=1.2 * least)]
+    own = points[-2].replaced(spp=points[-2].spp - 1)
+    cells = ending(first, 9.0, [*points[:-2], own]), ending(second, 1.0, points), ending(third, 3.0, points)
+    verdict = dataclasses.replace(verdict, contestant=dataclasses.replace(verdict.contestant, cells=cells))
+    for x in ("seconds", "cold", "rays"):
+        data = band(analysis.results, verdict, x)
+        assert data.spp.tolist() == [point.spp for point in points]
+        assert (np.diff(data.x) > 0).all() and (np.diff(data.seconds) > 0).all()
+    assert data.seconds[-1] == pytest.approx(3.0 * points[-1].seconds)
+    cells = ending(first, 9.0, points[:-2]), ending(second, 1.0, points[:-1]), ending(third, 3.0, points)
+    verdict = dataclasses.replace(verdict, contestant=dataclasses.replace(verdict.contestant, cells=cells))
+    assert band(analysis.results, verdict, "seconds").spp.tolist() == [point.spp for point in points[:-1]]
+    points[-2] = points[-2].replaced(seconds=1.3 * least)
+    verdict = dataclasses.replace(
+        verdict, contestant=dataclasses.replace(verdict.contestant, cells=(ending(second, 1, points),))
+    )
+    assert band(analysis.results, verdict, "seconds").spp.tolist() == [*(point.spp for point in points[:-2]), points[-1].spp]
 
 
 def test_many_curves_are_split_into_facets_that_hold_each_once(analysis):

@@ -55,6 +55,12 @@ def test_engines_of_several_lineages_race_in_the_open_division_with_the_samplers
     assert len(notes) == 2 and "numba sobol, mitsuba orthogonal" in notes[1]
 
 
+def test_an_engine_may_be_a_mapping_with_a_python_of_its_own():
+    given = [{"name": "numpy", "python": "this"}, "numpy"]
+    written, _ = race._by_images(["cornell_box"], {"engine": given}, [0.1], None, (False, True, False))
+    assert written["matrix"]["engine"] == given and written["matrix"]["sampler"] == ["sobol"]
+
+
 def test_samplers_of_one_engine_race_in_float64_in_the_scene_s_shape(tmp_path):
     written, notes = race._by_images(["cornell_box"], {"sampler": ["random", "sobol"]}, [0.01], None, NOTHING_ALLOWED)
     assert not notes and "zip" not in written and "division" not in written and written["resolution"] == [64, 64]

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from engines.errors import ConfigError
+from engines.film import Film
 from engines.image import read_film_layers
 from engines.schema.yaml_file import locate
 from harness import config, store
 from harness.config.sections import REFERENCE
 from harness.measure.pool import Pool
 from harness.plan import planner
-from harness.run import references
+from harness.run import reference_samples, references
 from harness.store import reference_files
 from tests.harness import sweeping
 
@@ -103,6 +104,44 @@ def test_an_interrupted_reference_goes_on_where_it_was(made, tmp_path, monkeypat
     wanted, _, rendered = made(64)
     assert rendered == [5, 6, 7]
     assert np.array_equal(read(wanted, tmp_path / "refs").mean, expected)
+
+
+class OneSecondEach:
+    """Renders noise; says that each image took a second, and remembers the seeds."""
+
+    def __init__(self):
+        self.seeds = []
+
+    def replicates(self, engine, request, seeds):
+        for seed in seeds:
+            self.seeds.append(seed)
+            film = Film(request.settings.width, request.settings.height)
+            film.add(1 + 0.4 * np.random.default_rng(seed).standard_normal((*film.counts.shape, 3)))
+            yield film, 1.0
+
+
+def test_more_time_extends_a_reference_that_less_time_cut_short(tmp_path):
+    """By default the time is no part of its id: it is that of the cells, of which a later run may have more."""
+    root, loaded = tmp_path / "refs", config.load(sweeping.write(tmp_path), ["reference.spp=auto", "quality.targets=[0.01]"])
+    (wanted,) = planner.make(loaded, True).references.values()
+    short, long = replace(wanted, max_seconds=12.0), replace(wanted, max_seconds=1e6)
+    meta = references.make(short, root, images := OneSecondEach(), lambda done, count: None)
+    assert (meta.done, meta.complete, meta.cut_short) == (12, True, True) and images.seeds == list(range(9000, 9012))
+    assert references.ready(short, root) and not references.ready(long, root)
+    found = reference_samples.sufficiency(short, root, loaded.quality)
+    assert found.enough is False and "reference.max_time allows 384" in found.message
+    assert reference_samples.sufficiency(long, root, loaded.quality).enough is None
+
+    class Looks(OneSecondEach):
+        def replicates(self, *asked):
+            for each in super().replicates(*asked):
+                assert read(wanted, root).spp >= 384, "other runs can use it meanwhile"
+                yield each
+
+    meta = references.make(long, root, images := Looks(), lambda done, count: None)
+    assert meta.done > 12 and not meta.cut_short and images.seeds == list(range(9012, 9000 + meta.done))
+    assert references.ready(long, root) and references.ready(short, root)
+    assert reference_samples.sufficiency(short, root, loaded.quality).enough is True
 
 
 def test_a_stale_reference_is_refused(made, tmp_path):

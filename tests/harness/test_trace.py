@@ -180,6 +180,11 @@ def test_a_ratio_of_rays_is_no_better_known_than_the_clock_resolves(measured):
     assert short.low < 1 < short.high and long.high < 1
 
 
+def test_the_baseline_is_the_first_contestant_as_written(tmp_path):
+    results, _, _ = run(tmp_path, ["matrix.engine=['faulty_tracers:Drops', numpy]", "matrix.rays=[camera]"])
+    assert [one.settings.engine for one in ray_races(results)[0] if one.baseline] == ["drops"]
+
+
 def test_races_share_the_spread_of_four_twins_and_blocks_trace_the_same_rays(tmp_path):
     results, outcome, _ = run(tmp_path, [engines("Drops"), "repeats=3", "seed=5"])
     assert outcome.states == {"done": 24}

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,6 +19,7 @@ from harness.report.plots.style import MOST_CURVES, Palette, curve_legend, small
 from harness.statistics import Estimate, ecdf, geometric_interval, pareto_front
 from harness.statistics.convergence import NOISE_ERRORS
 from harness.statistics.ratios import FEWEST_BLOCKS
+from harness.store.records import Cell
 from harness.store.results import Results, fixed_seconds, point_error
 
 X_LABELS = {"seconds": "warm time [s]", "cold": "cold time [s]", "spp": "samples per pixel", "rays": "rays traced"}
@@ -38,19 +40,41 @@ class Band(NamedTuple):
 
 
 def band(results: Results, verdict: Verdict, x: str) -> Band:
-    """Checkpoints that at least half of the seeds reached. `x` is a key of `X_LABELS`."""
-    rows: dict[int, list[tuple[float, float, float, float]]] = {}
-    for cell in verdict.contestant.done:
-        start = fixed_seconds(cell) if x == "cold" else 0.0
-        for point in cell.points:
-            error, se = point_error(point, results.metric)
-            if math.isfinite(error) and (at := getattr(point, "seconds" if x == "cold" else x)):
-                rows.setdefault(point.spp, []).append((start + at, error, se, point.seconds))
-    enough = {spp: np.array(rows[spp]) for spp in sorted(rows) if 2 * len(rows[spp]) >= len(verdict.contestant.done)}
-    medians = np.array([np.median(row, axis=0) for row in enough.values()]).reshape(-1, 4)
-    place, error, se, seconds = medians.T
-    low, high = (np.array([fold(row[:, 1]) for row in enough.values()]) for fold in (np.min, np.max))
-    return Band(np.array(list(enough), int), place, error, seconds, low, high, error <= NOISE_ERRORS * se)
+    """Checkpoints that more than half of the seeds reached. `x` is a key of `X_LABELS`.
+
+    A seed that ended before a checkpoint counts as infinitely far in the medians of x and seconds: those of the others alone,
+    the faster ones, could go back in time. A seed that passed it, with other checkpoints, counts by interpolation. Patterns of
+    a sampler are rendered one by one: where a larger one took less time, the smaller one is left out.
+    """
+    seeds = [_usable(results, cell, x) for cell in verdict.contestant.done]
+    counts = Counter(spp for rows in seeds for spp in rows)
+    spp = np.array(sorted(each for each, count in counts.items() if 2 * count >= len(seeds)), int)
+    place, seconds = (_median_reached(seeds, spp, column) for column in (0, 3))
+    errors = [np.array([rows[each][1:3] for rows in seeds if each in rows]) for each in spp]
+    error, se = np.array([np.median(each, axis=0) for each in errors]).reshape(-1, 2).T
+    low, high = (np.array([fold(each[:, 0]) for each in errors]) for fold in (np.min, np.max))
+    found = Band(spp, place, error, seconds, low, high, error <= NOISE_ERRORS * se)
+    later = np.minimum.accumulate(np.append(place, math.inf)[::-1])[::-1][1:]
+    return Band(*(values[place < later] for values in found))
+
+
+def _usable(results: Results, cell: Cell, x: str) -> dict[int, tuple[float, float, float, float]]:
+    """Of each checkpoint that has a finite error and an x: samples -> x, error, its standard error, warm seconds."""
+    start, rows = fixed_seconds(cell) if x == "cold" else 0.0, {}
+    for point in cell.points:
+        error, se = point_error(point, results.metric)
+        if math.isfinite(error) and (at := getattr(point, "seconds" if x == "cold" else x)):
+            rows[point.spp] = start + at, error, se, point.seconds
+    return dict(sorted(rows.items()))
+
+
+def _median_reached(seeds: Sequence[Mapping[int, tuple[float, ...]]], spp: np.ndarray, column: int) -> np.ndarray:
+    """The median over seeds of where each has so many samples; infinite where no more than half of them do."""
+    nowhere = np.full(len(spp), math.inf)
+    reached = [
+        np.interp(spp, [*rows], [row[column] for row in rows.values()], right=math.inf) if rows else nowhere for rows in seeds
+    ]
+    return np.median(reached, axis=0) if reached else np.zeros(0)
 
 
 def error_curves(analysis: Analysis, panel: Panel, palette: Palette, x: str) -> Chart | None:

@@ -23,10 +23,11 @@ from harness.config.settings import SceneFile
 from harness.console import consoles
 from harness.measure.pool import Pool, WorkerFailed
 from harness.measure.requests import ReferenceRequest
+from harness.metrics import DEFAULT_MARGINS, Margins
 from harness.processes import allow_here
 from harness.settings import CellSettings, require_commands, require_imports
 from harness.statistics import Equivalence, equivalence
-from harness.statistics.equivalence import DEFAULT_MARGINS, Margins, shared_alpha
+from harness.statistics.equivalence import shared_alpha
 
 COLOURS = {"identical": "green", "equivalent": "green", "unresolved": "yellow", "different": "bold red"}
 
