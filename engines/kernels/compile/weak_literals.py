@@ -7,13 +7,11 @@ every float type may take. Constants among themselves are computed in float64, a
 
 from __future__ import annotations
 
-import math
 import operator
 from types import ModuleType
 from typing import Any
 
 import numpy as np
-
 from llvmlite import ir as llvm
 from numba import types
 from numba.core import ir
@@ -21,8 +19,8 @@ from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import FunctionPass, register_pass
 from numba.core.errors import TypingError
 from numba.core.imputils import lower_constant
-from numba.core.typed_passes import NopythonTypeInference
 from numba.core.typeconv.rules import default_casting_rules
+from numba.core.typed_passes import NopythonTypeInference
 from numba.core.untyped_passes import IRProcessing
 from numba.extending import intrinsic, lower_cast, models, register_model, typeof_impl
 

@@ -24,16 +24,15 @@ def local(si, light, bsdf, path, ambient):
 
 @inline
 def step(si, light, bsdf, draws, path, options):
-    zero = const(0.0, si.t)
     radiance, direct = local(si, light, bsdf, path, options[1])
     reflection, transmission = bsdf.reflection, bsdf.transmission
     ks = path.throughput * reflection.weight.color * reflection.weight.scale
     kt = path.throughput * transmission.weight.color * transmission.weight.scale
     deeper = (path.depth < options[0]) & (not si.miss)
-    reflects = deeper & reflection.valid & (total(ks) > zero) & (dot(si.geometric_normal, reflection.wi) > zero)
+    reflects = deeper & reflection.valid & (total(ks) > 0.0) & (dot(si.geometric_normal, reflection.wi) > 0.0)
     side = dot(si.geometric_normal, transmission.wi)
     through = transmission.transmitted
-    refracts = deeper & transmission.valid & (total(kt) > zero) & (select(through, -side, side) > zero)
+    refracts = deeper & transmission.valid & (total(kt) > 0.0) & (select(through, -side, side) > 0.0)
     # the refraction goes on in the lane, the mirror ray waits: both where there are both
     return ScatterResult(
         radiance,

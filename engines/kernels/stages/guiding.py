@@ -15,7 +15,7 @@ import numpy as np
 from engines.kernels.compile.jit import compile_stage, inline
 from engines.kernels.compile.masks import lanes_where
 from engines.kernels.compile.records import lane_numbers
-from engines.kernels.compile.values import const, select
+from engines.kernels.compile.values import select
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten.materials import MODELS
 from engines.kernels.lane.arctan import arctan2
@@ -149,17 +149,15 @@ def _make_look_up(real: Any) -> Any:
 @inline
 def _place_of(wi):
     """(x, y) in the square, of a unit direction. Vector code, as is the way back."""
-    half, zero, one = const(0.5, wi.x), const(0.0, wi.x), const(1.0, wi.x)
-    turn = arctan2(wi.y, wi.x) * const(0.5 / math.pi, wi.x)
-    return half * (wi.z + one), select(turn < zero, turn + one, turn)
+    turn = arctan2(wi.y, wi.x) * (0.5 / math.pi)
+    return 0.5 * (wi.z + 1.0), select(turn < 0.0, turn + 1.0, turn)
 
 
 @inline
 def _direction_of(x, y):
-    zero, one, two = const(0.0, x), const(1.0, x), const(2.0, x)
-    z = two * x - one
-    square = one - z * z
-    radius = np.sqrt(select(square > zero, square, zero))
+    z = 2.0 * x - 1.0
+    square = 1.0 - z * z
+    radius = np.sqrt(select(square > 0.0, square, 0.0))
     sine, cosine = sin_cos_turn(y)
     return Vec3(radius * cosine, radius * sine, z)
 

@@ -109,15 +109,15 @@ def _masked_sample(rays, lane, si, sample):
 @inline
 def _beyond_mask(rays, lane, si, transmission):
     """Of the lobes apart: what a mask lets through takes the place of the refraction."""
-    one, opacity = const(1.0, si.t), rays.opacity[lane]
-    return _select_sample(opacity < one, _straight_on(si, one - opacity), transmission)
+    opacity = rays.opacity[lane]
+    return _select_sample(opacity < 1.0, _straight_on(si, 1.0 - opacity), transmission)
 
 
 @inline
 def _unless_absent(absent, si, value, sample, eta_scale):
     """(value, sample, eta_scale), and where the surface is absent those of nothing."""
-    zero, one = const(0.0, si.t), const(1.0, si.t)
-    value = Spectrum(value.color, select(absent, zero, value.scale))
+    one = const(1.0, si.t)
+    value = Spectrum(value.color, select(absent, 0.0, value.scale))
     return value, _select_sample(absent, _straight_on(si, one), sample), select(absent, one, eta_scale)
 
 
@@ -146,11 +146,11 @@ def _make_value(evaluate: Any, pdf_of: Any, masks: bool, tilts: bool) -> Any:
 
     @inline
     def value_at(rays, lane, si, parameters, wi):
-        value, pdf, zero = evaluate(parameters, si, wi), pdf_of(parameters, si, wi), const(0.0, si.t)
+        value, pdf = evaluate(parameters, si, wi), pdf_of(parameters, si, wi)
         if tilts:
             there, factor = _tilt_at(rays, lane, wi)
-            value = Spectrum(value.color, select(there, value.scale * factor, zero))
-            pdf = select(there, pdf, zero)
+            value = Spectrum(value.color, select(there, value.scale * factor, 0.0))
+            pdf = select(there, pdf, 0.0)
         if masks:
             value, pdf = Spectrum(value.color, value.scale * rays.opacity[lane]), pdf * rays.opacity[lane]
         return value, pdf
@@ -161,8 +161,7 @@ def _make_value(evaluate: Any, pdf_of: Any, masks: bool, tilts: bool) -> Any:
 @inline
 def _towards(si, wi, value, pdf):
     """A direction that no model has sampled, as a sample of weight f cos, the density of which follows (`stages.guiding`)."""
-    zero = const(0.0, si.t)
-    return BSDFSample(wi, value, pdf, dot(si.normal, wi) < zero, value.scale > zero)
+    return BSDFSample(wi, value, pdf, dot(si.normal, wi) < 0.0, value.scale > 0.0)
 
 
 @cache
@@ -224,8 +223,7 @@ def _make_scatter(kind: int, features: SceneFeatures, wrapping: Around, uses: Us
 
 @inline
 def _eta_scale(si, ior, refracted):
-    one = const(1.0, si.t)
-    eta = select(refracted, select(si.front, ior, one / ior), one)
+    eta = select(refracted, select(si.front, ior, 1.0 / ior), 1.0)
     return eta * eta
 
 
@@ -235,8 +233,8 @@ def _make_load_scattering(light_through: bool, bends: bool) -> Any:
 
     @inline
     def load(rays, lane, si, draws):
-        through = light_through & (dot(si.normal, rays.wi[lane]) < const(0.0, si.t))
-        eta_scale = rays.sample_eta_scale[lane] if bends else const(1.0, si.t)
+        through = light_through & (dot(si.normal, rays.wi[lane]) < 0.0)
+        eta_scale = rays.sample_eta_scale[lane] if bends else 1.0
         return _load_scattering(rays, lane, si, through, eta_scale)
 
     return load

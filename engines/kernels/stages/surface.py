@@ -160,18 +160,17 @@ def _make_meet(features: SceneFeatures, real: Any) -> Any:
 @inline
 def _store_interaction(rays, lane, found, o, d, miss, offset_scale, tangents):
     """Writes the hit with its normals turned towards the viewer; returns whether the front was met."""
-    zero = const(0.0, found.t)
-    front = dot(d, found.normal) < zero
+    front = dot(d, found.normal) < 0.0
     geometric = select3(front, found.normal, -found.normal)
-    normal = select3(dot(found.shading_normal, geometric) < zero, -found.shading_normal, found.shading_normal)
-    normal = select3(dot(d, normal) < zero, normal, geometric)  # one that the viewer cannot see will not do
+    normal = select3(dot(found.shading_normal, geometric) < 0.0, -found.shading_normal, found.shading_normal)
+    normal = select3(dot(d, normal) < 0.0, normal, geometric)  # one that the viewer cannot see will not do
     scale, start = extent(found.point), extent(o)
     scale = select(start > scale, start, scale)
     scale = select(found.t > scale, found.t, scale)
     scale = select(found.scale > scale, found.scale, scale)
     rays.miss[lane] = miss
     rays.front[lane] = front
-    rays.t[lane] = select(miss, const(math.inf, found.t), found.t)
+    rays.t[lane] = select(miss, math.inf, found.t)
     rays.u[lane] = found.u
     rays.v[lane] = found.v
     rays.offset[lane] = scale * offset_scale

@@ -12,8 +12,7 @@ from engines.kernels.lane.sampling import cosine_direction, cosine_pdf
 
 @inline
 def sample(light, p, normal, u0, u1):
-    zero, one = const(0.0, u0), const(1.0, u0)
     wi = cosine_direction(normal, u0, u1)
     pdf = cosine_pdf(normal, wi)
-    scale = select(pdf > zero, one / pdf, zero)
+    scale = select(pdf > 0.0, 1.0 / pdf, 0.0)
     return LightSample(wi, const(math.inf, u0), light.color * scale, pdf)
