@@ -6,7 +6,7 @@ from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import const, select
 from engines.kernels.integrators.interface import Integrator, ScatterResult, Uses
 from engines.kernels.lane.sampling import power_heuristic
-from engines.kernels.lane.vector import Vec3, dot, largest, select3
+from engines.kernels.lane.vector import Vec3, dot, largest
 
 LIGHT_ONLY, BSDF_ONLY, MIS = 0, 1, 2
 DIRECT = {"light": LIGHT_ONLY, "bsdf": BSDF_ONLY, "mis": MIS}
@@ -52,7 +52,7 @@ def _path_step(si, light, bsdf, draws, path, options, crosses):
     throughput = throughput * select(plays, 1.0 / select(survival > zero, survival, 1.0), 1.0)
     return ScatterResult(
         radiance,
-        select3(lit, li, none),
+        select(lit, li, none),
         alive,
         sample.wi,
         sample.transmitted,

@@ -7,7 +7,7 @@ import math
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import const, select
 from engines.kernels.integrators.interface import Integrator, ScatterResult, Uses
-from engines.kernels.lane.vector import Vec3, dot, select3, total
+from engines.kernels.lane.vector import Vec3, dot, total
 
 
 @inline
@@ -19,7 +19,7 @@ def local(si, light, bsdf, path, ambient):
     side = dot(si.geometric_normal, light.wi)
     lit = (not si.miss) & (value.scale > zero) & (select(bsdf.through, -side, side) > zero) & (light.pdf > zero)
     direct = path.throughput * value.color * light.radiance * select(lit, value.scale, zero)
-    return radiance, select3(lit, direct, Vec3(zero, zero, zero))
+    return radiance, select(lit, direct, Vec3(zero, zero, zero))
 
 
 @inline
@@ -38,9 +38,9 @@ def step(si, light, bsdf, draws, path, options):
         radiance,
         direct,
         reflects | refracts,
-        select3(refracts, transmission.wi, reflection.wi),
+        select(refracts, transmission.wi, reflection.wi),
         refracts & through,
-        select3(refracts, kt, ks),
+        select(refracts, kt, ks),
         const(math.inf, si.t),
         reflects & refracts,
         reflection.wi,

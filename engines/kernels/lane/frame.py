@@ -9,7 +9,7 @@ import numpy as np
 
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import select
-from engines.kernels.lane.vector import Vec3, cross, dot, select3, tangents
+from engines.kernels.lane.vector import Vec3, cross, dot, tangents
 
 
 class Frame(NamedTuple):
@@ -35,8 +35,8 @@ def frame_of_tangent(n, tangent):
     good = square > 1e-8 * dot(tangent, tangent)
     s = across * (1.0 / np.sqrt(select(good, square, 1.0)))
     s0, t0 = tangents(n)
-    s = select3(good, s, s0)
-    return Frame(s, select3(good, cross(n, s), t0), n)
+    s = select(good, s, s0)
+    return Frame(s, select(good, cross(n, s), t0), n)
 
 
 @inline

@@ -34,12 +34,6 @@ def unit(a):
 
 
 @inline
-def select3(condition, yes, no):
-    """`yes` where `condition` holds, else `no`, component by component; never a branch."""
-    return Vec3(select(condition, yes.x, no.x), select(condition, yes.y, no.y), select(condition, yes.z, no.z))
-
-
-@inline
 def total(a):
     """The sum of the components."""
     return a.x + a.y + a.z
@@ -113,7 +107,6 @@ __all__ = [
     "extent",
     "largest",
     "length",
-    "select3",
     "sin_cos_turn",
     "tangents",
     "to_float64",

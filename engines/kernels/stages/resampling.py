@@ -8,7 +8,7 @@ import numpy as np
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import select
 from engines.kernels.integrators.path_tracer import BSDF_ONLY, DIRECT_OPTION
-from engines.kernels.lane.vector import Vec3, dot, select3
+from engines.kernels.lane.vector import Vec3, dot
 from engines.kernels.layout import LANES
 
 STEPS = (12664746, 9560334)
@@ -91,5 +91,5 @@ def weigh(rays, count, real):
         total = rays.target_sum[lane]
         nothing = total == zero
         scaled = rays.li[lane] * (total * share / rays.target[lane])
-        rays.li[lane] = select3(nothing, Vec3(zero, zero, zero), scaled)
+        rays.li[lane] = select(nothing, Vec3(zero, zero, zero), scaled)
         rays.light_sample_pdf[lane] = select(nothing, zero, rays.light_sample_pdf[lane])

@@ -16,7 +16,7 @@ from engines.kernels.lane.bsdf.interface import ALL, SPECULAR_REFLECTION, BSDFSa
 from engines.kernels.lane.frame import frame_at, to_local, to_world
 from engines.kernels.lane.fresnel import fresnel_conductor, reflect
 from engines.kernels.lane.microfacet import Distribution, half_vector
-from engines.kernels.lane.vector import Vec3, dot, select3
+from engines.kernels.lane.vector import Vec3, dot
 
 PARAMETERS = 11
 
@@ -77,7 +77,7 @@ def _make(distribution: Distribution, tangents: bool) -> LaneBSDF:
         if not exact:
             weight = weight * (masking(wo, ax, ay) / visible)
         density = density_of(m, ax, ay) * visible / (4.0 * wo.z)
-        world = select3(rough, to_world(frame, wi), reflect(si.direction, si.normal))
+        world = select(rough, to_world(frame, wi), reflect(si.direction, si.normal))
         spectrum = Spectrum(_reflectance(parameters, cos), select(rough, weight, 1.0))
         # of the lobes apart, there is the specular reflection alone
         valid = above & ((which == ALL) | ((which == SPECULAR_REFLECTION) & (not rough)))

@@ -28,7 +28,7 @@ from engines.kernels.lane.bsdf.interface import (
 from engines.kernels.lane.frame import frame_at, to_local, to_world
 from engines.kernels.lane.fresnel import fresnel_dielectric, reflect, refract
 from engines.kernels.lane.microfacet import Distribution, half_vector
-from engines.kernels.lane.vector import Vec3, dot, select3
+from engines.kernels.lane.vector import Vec3, dot
 
 PARAMETERS = 9
 
@@ -57,8 +57,8 @@ def _delta_lobes(parameters, si, u_lobe, which, reflectance, mirror, transmitted
     weight = select(is_reflection, 1.0, scale)
     if which != ALL:
         weight = weight * share
-    color = select3(is_reflection, _reflectance(parameters), _transmittance(parameters))
-    return delta(select3(is_reflection, mirror, transmitted), color, weight, not is_reflection, share > 0.0)
+    color = select(is_reflection, _reflectance(parameters), _transmittance(parameters))
+    return delta(select(is_reflection, mirror, transmitted), color, weight, not is_reflection, share > 0.0)
 
 
 @inline
@@ -130,7 +130,7 @@ def _make(distribution: Distribution, tangents: bool) -> LaneBSDF:
         found, reflects, valid, wo, wi, _ = of_directions(parameters, si, wi)
         ax, ay = parameters[1], parameters[2]
         value = select(reflects, found.reflection, found.transmission) * masking(wo, ax, ay) * masking(wi, ax, ay)
-        color = select3(reflects, _reflectance(parameters), _transmittance(parameters))
+        color = select(reflects, _reflectance(parameters), _transmittance(parameters))
         return Spectrum(color, select(valid, value, 0.0))
 
     @inline
@@ -154,7 +154,7 @@ def _make(distribution: Distribution, tangents: bool) -> LaneBSDF:
         if not exact:
             weight = weight * (masking(wo, ax, ay) / visible)
         density = select(reflects, found.reflection, found.transmission * (eta * eta)) * visible
-        color = select3(reflects, _reflectance(parameters), _transmittance(parameters))
+        color = select(reflects, _reflectance(parameters), _transmittance(parameters))
         spectrum = Spectrum(color, weight * select(reflects, 1.0, 1.0 / (eta * eta)))
         valid = (which == ALL) & (wo.z > 0.0) & (select(reflects, wi.z, -wi.z) > 0.0)
         return BSDFSample(to_world(frame, wi), spectrum, density, not reflects, valid)

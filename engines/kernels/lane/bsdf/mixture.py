@@ -16,7 +16,7 @@ from engines.kernels.features import SceneFeatures
 from engines.kernels.lane.bsdf.interface import ALL, SPECULAR_REFLECTION, BSDFSample, LaneBSDF, Spectrum
 from engines.kernels.lane.fresnel import reflect, refract
 from engines.kernels.lane.sampling import cosine_direction, cosine_pdf
-from engines.kernels.lane.vector import Vec3, dot, largest, select3, total
+from engines.kernels.lane.vector import Vec3, dot, largest, total
 
 _KD, _KS, _KT, _INTERFACE = range(3), range(3, 6), range(6, 9), range(9, 11)
 
@@ -122,9 +122,9 @@ def _make(diffuse: bool, reflection: bool, transmission: bool) -> LaneBSDF:
         kd = Vec3(parameters[0], parameters[1], parameters[2]) if diffuse else none
         ks = Vec3(parameters[3], parameters[4], parameters[5]) if reflection else none
         kt = Vec3(parameters[6], parameters[7], parameters[8]) if transmission else none
-        shown = select3(largest(kt) > zero, kt, none)
-        shown = select3(largest(ks) > zero, ks, shown)
-        return kd, select3(largest(kd) > zero, kd, shown)
+        shown = select(largest(kt) > zero, kt, none)
+        shown = select(largest(ks) > zero, ks, shown)
+        return kd, select(largest(kd) > zero, kd, shown)
 
     @inline
     def only_delta(parameters):
@@ -152,10 +152,10 @@ def _make_sample_any(lobes_of: Any, specular: bool) -> Any:
             transmitted = (u >= d + r) & lobes.through
             ks, kt = lobes.ks * lobes.fresnel_ks, lobes.kt * lobes.fresnel_kt
             refraction = kt * (q / select(t > 0.0, t, 1.0))
-            color = select3(is_diffuse, lobes.kd, select3(is_reflection, ks, refraction))
+            color = select(is_diffuse, lobes.kd, select(is_reflection, ks, refraction))
             scale = select(is_reflection, q / select(r > 0.0, r, 1.0), lobes.scale)
             weight = Spectrum(color, select(is_diffuse, weight.scale, scale))
-            wi = select3(is_diffuse, wi, select3(is_reflection, lobes.reflected, lobes.refracted))
+            wi = select(is_diffuse, wi, select(is_reflection, lobes.reflected, lobes.refracted))
             pdf = select(is_diffuse, pdf, math.inf)
         return BSDFSample(wi, weight, pdf, transmitted, q > 0.0)
 

@@ -21,7 +21,7 @@ from engines.kernels.lane.frame import frame_at, to_local, to_world
 from engines.kernels.lane.fresnel import fresnel_dielectric, reflect
 from engines.kernels.lane.microfacet import Distribution, half_vector
 from engines.kernels.lane.sampling import cosine_direction, cosine_pdf
-from engines.kernels.lane.vector import Vec3, dot, largest, select3
+from engines.kernels.lane.vector import Vec3, dot, largest
 
 PARAMETERS = 12
 NODES = 64
@@ -84,10 +84,10 @@ def _sample_smooth(parameters, si, u_lobe, u0, u1, which):
     far = fresnel_dielectric(dot(si.normal, wi), parameters[6]).reflectance
     share = select(specular, p, 1.0 - p)
     scale = select(specular, near, math.pi * (1.0 - near) * (1.0 - far)) / share
-    color = select3(specular, color, _base(parameters))
+    color = select(specular, color, _base(parameters))
     pdf = select(specular, math.inf, share * cosine_pdf(si.normal, wi))
     valid = largest(color) > 0.0
-    return BSDFSample(select3(specular, mirror, wi), Spectrum(color, scale), pdf, False, valid)
+    return BSDFSample(select(specular, mirror, wi), Spectrum(color, scale), pdf, False, valid)
 
 
 SMOOTH = LaneBSDF(_evaluate_smooth, _pdf_smooth, _sample_smooth, _albedos)
@@ -152,7 +152,7 @@ def _make(distribution: Distribution, tangents: bool) -> LaneBSDF:
         m = visible_normal(wo, alpha, alpha, u0, u1)
         mirrored = m * (2.0 * dot(wo, m)) - wo
         base = to_local(frame, cosine_direction(si.normal, u0, u1))
-        wi = select3(u_lobe < _share(1.0 - near, parameters[9]), mirrored, base)
+        wi = select(u_lobe < _share(1.0 - near, parameters[9]), mirrored, base)
         value, density = value_and_pdf(parameters, si, wo, wi, near)
         positive = density > 0.0
         weight = Spectrum(value.color, value.scale / select(positive, density, 1.0))

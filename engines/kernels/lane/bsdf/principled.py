@@ -22,7 +22,7 @@ from engines.kernels.lane.frame import frame_at, to_local, to_world
 from engines.kernels.lane.fresnel import fresnel_dielectric
 from engines.kernels.lane.microfacet import ggx_density, ggx_masking, ggx_visible_normal, half_vector
 from engines.kernels.lane.sampling import cosine_direction
-from engines.kernels.lane.vector import Vec3, dot, select3, sin_cos_turn
+from engines.kernels.lane.vector import Vec3, dot, sin_cos_turn
 
 PARAMETERS = 14
 
@@ -214,7 +214,7 @@ def _make_value_and_pdf(transmission: bool, clearcoat: bool) -> Any:
         color = _metal_and_tint(of, f, w)
         if transmission:
             back = of.glass * f
-            color = select3(of.front, color, Vec3(back, back, back))
+            color = select(of.front, color, Vec3(back, back, back))
         value = color * (select(of.eta == one, 0.0, facets) * shadowing / 4.0)
         lambert = _diffuse_and_sheen(of, wo, wi, out) * wi.z
         if clearcoat:
@@ -239,7 +239,7 @@ def _make_value_and_pdf(transmission: bool, clearcoat: bool) -> Any:
         pdf = select(reflects, pdf, share * facets * of.e * of.e)
         valid = (wo.z > 0.0) & (of.front | (of.glass > 0.0))
         valid = valid & (reflects | ((wi.z < 0.0) & (out > 0.0) & (into < 0.0)))
-        value = select3(reflects, value, root * transmitted)
+        value = select(reflects, value, root * transmitted)
         return Spectrum(value, select(valid, one, 0.0)), select(valid, pdf, 0.0)
 
     return value_and_pdf
@@ -274,7 +274,7 @@ def _make(transmission: bool, clearcoat: bool, tangents: bool) -> LaneBSDF:
         m = ggx_visible_normal(wo, of.ax, of.ay, u0, u1)
         facets, transmits = u < one, False
         if clearcoat:
-            m = select3(facets, m, _coat_normal(of, u0, u1))
+            m = select(facets, m, _coat_normal(of, u0, u1))
         out = dot(wo, m)
         along, back = 2.0 * out, one
         if transmission:
@@ -284,7 +284,7 @@ def _make(transmission: bool, clearcoat: bool, tangents: bool) -> LaneBSDF:
             along = select(transmits, out / of.e - fresnel.cos_transmitted, along)
             back = select(transmits, one / of.e, one)
         wi = m * along - wo * back
-        wi = select3(u < one + of.coat, wi, to_local(frame, cosine_direction(si.normal, u0, u1)))
+        wi = select(u < one + of.coat, wi, to_local(frame, cosine_direction(si.normal, u0, u1)))
         value, density = value_and_pdf(of, wo, wi)
         positive = density > 0.0
         weight = Spectrum(value.color, value.scale / select(positive, density, one))

@@ -10,7 +10,7 @@ from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import const, select
 from engines.kernels.lane.lights.sample import LightSample
 from engines.kernels.lane.shapes.sphere import cone
-from engines.kernels.lane.vector import Vec3, dot, length, select3, sin_cos_turn, tangents
+from engines.kernels.lane.vector import Vec3, dot, length, sin_cos_turn, tangents
 
 
 @inline
@@ -41,8 +41,8 @@ def sample(light, p, normal, u0, u1):
     by_cone = seen.pdf > zero
     pdf = select(by_cone, seen.pdf, area_pdf)
     lit = by_cone | (facing > zero) | (light.two_sided > zero)
-    radiance = select3(lit, light.color * (1.0 / pdf), Vec3(zero, zero, zero))
-    return LightSample(select3(by_cone, wi, wa), select(by_cone, near, far), radiance, pdf)
+    radiance = select(lit, light.color * (1.0 / pdf), Vec3(zero, zero, zero))
+    return LightSample(select(by_cone, wi, wa), select(by_cone, near, far), radiance, pdf)
 
 
 @inline

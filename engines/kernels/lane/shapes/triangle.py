@@ -10,7 +10,7 @@ from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import const, fma, select
 from engines.kernels.lane.shapes.coordinates import Coordinates
 from engines.kernels.lane.shapes.intersection import ShapeIntersection
-from engines.kernels.lane.vector import Vec3, cross, dot, select3, unit
+from engines.kernels.lane.vector import Vec3, cross, dot, unit
 
 
 class Frame(NamedTuple):
@@ -113,7 +113,7 @@ def intersection(o, d, a, b, c, na, nb, nc, smooth):
         interpolated = na * (w.a * inverse) + nb * u + nc * v
         square = dot(interpolated, interpolated)
         good = square > zero
-        shading = select3(good, interpolated * (1.0 / np.sqrt(select(good, square, 1.0))), normal)
+        shading = select(good, interpolated * (1.0 / np.sqrt(select(good, square, 1.0))), normal)
     t = (w.a * sa.z + w.b * sb.z + w.c * sc.z) / whole
     return ShapeIntersection(t, zero, u, v, a * (w.a * inverse) + b * u + c * v, normal, shading, b - a)
 
