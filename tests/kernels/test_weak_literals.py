@@ -1,6 +1,7 @@
 """Float literals in compiled code take the type of what they meet."""
 
 import math
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -63,3 +64,19 @@ def test_literals_that_only_meet_at_run_time_are_refused():
 
     with pytest.raises(TypingError, match="both operands are float literals"):
         compiled(both)(True)
+
+
+class Sample(NamedTuple):
+    count: int
+    direction: Vec3
+    weight: float
+
+
+@pytest.mark.parametrize("real", [np.float32, np.float64])
+def test_a_literal_in_a_record_has_the_type_of_its_other_numbers(real):
+    sample = compiled(lambda x: Sample(1, Vec3(x, 0.0, 1.0), 0.5))
+    sample(real(1))
+    (overload,) = sample.overloads.values()
+    kind = getattr(numba.types, real.__name__)
+    _, direction, weight = overload.signature.return_type
+    assert (direction.dtype, weight) == (kind, kind)

@@ -55,10 +55,17 @@ def _cast(context: Any, builder: Any, of: Any, to: Any, value: Any) -> Any:
     return context.cast(builder, value, types.float64, to)
 
 
+def _first_float(like: Any) -> Any:
+    if not isinstance(like, types.BaseTuple):
+        return like
+    kinds = (_first_float(part) for part in like)
+    return next((kind for kind in kinds if isinstance(kind, types.Float)), types.float64)
+
+
 @intrinsic
 def const(typing, value, like):
-    """The number `value` in the type of `like`, a number or a vector of some."""
-    kind = getattr(like, "kind", getattr(like, "dtype", like))
+    """The number `value` in the type of `like`, a number, some (`simd`), or a record, of which the first float counts."""
+    kind = getattr(like, "kind", _first_float(like))
 
     def generate(context, builder, signature, arguments):
         return context.cast(builder, arguments[0], signature.args[0], kind)
@@ -127,21 +134,28 @@ class WeakLiterals(FunctionPass):
 
 
 def _type_arguments(block: Any, call: ir.Assign, function: Any, literals: dict[str, ir.Assign]) -> None:
-    """Literals among the arguments of a call get a type where Numba would find none: in a vector that of another part. They are
-    float64 in other records, since records of different types have none in common, and as arguments of a type of numbers, or of
-    a parameter, which may be one."""
+    """Literals among the arguments of a call get a type where Numba would find none. In a record, such as a vector, that of its
+    first other number, since records of different types have none in common; float64 in one of literals alone. And float64 for a
+    type of numbers, and for a parameter, which may be one."""
     given = [part for part in call.value.args if part.name in literals]
     others = [part for part in call.value.args if part.name not in literals]
     is_record = isinstance(function, type) and issubclass(function, tuple)
-    if is_record and function.__name__ == "Vec3" and others:
+    if is_record and given and others:
+        like = _assigned(block, "like", ir.Expr.build_tuple(others, call.loc), call)
+        typed = _assigned(block, "const", ir.Global("const", const, call.loc), call)
         for part in given:
-            typed, name = (ir.Var(block.scope, f"{part.name}.{end}", call.loc) for end in ("typed", "const"))
-            block.body.append(ir.Assign(ir.Global("const", const, call.loc), name, call.loc))
-            block.body.append(ir.Assign(ir.Expr.call(name, (part, others[0]), (), call.loc), typed, call.loc))
-            call.value.args = [typed if each is part else each for each in call.value.args]
+            value = _assigned(block, part.name, ir.Expr.call(typed, (part, like), (), call.loc), call)
+            call.value.args = [value if each is part else each for each in call.value.args]
     elif is_record or _may_be_type(function):
         for part in given:
             literals[part.name].value = ir.Const(float(literals[part.name].value.value), call.loc)
+
+
+def _assigned(block: Any, name: str, value: Any, call: ir.Assign) -> ir.Var:
+    """A variable of that value, before the call."""
+    variable = ir.Var(block.scope, f"{call.target.name}.{name}", call.loc)
+    block.body.append(ir.Assign(value, variable, call.loc))
+    return variable
 
 
 @register_pass(mutates_CFG=False, analysis_only=True)
