@@ -74,7 +74,7 @@ class Sample(NamedTuple):
 
 @pytest.mark.parametrize("real", [np.float32, np.float64])
 def test_a_literal_in_a_record_has_the_type_of_its_other_numbers(real):
-    sample = compiled(lambda x: Sample(1, Vec3(x, 0.0, 1.0), 0.5))
+    sample = compiled(lambda x: Sample(1, Vec3(x, 0.0, 1.0), weight=0.5))
     sample(real(1))
     (overload,) = sample.overloads.values()
     kind = getattr(numba.types, real.__name__)

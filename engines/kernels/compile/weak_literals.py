@@ -134,11 +134,11 @@ class WeakLiterals(FunctionPass):
 
 
 def _type_arguments(block: Any, call: ir.Assign, function: Any, literals: dict[str, ir.Assign]) -> None:
-    """Literals among the arguments of a call get a type where Numba would find none. In a record, such as a vector, that of its
-    first other number, since records of different types have none in common; float64 in one of literals alone. And float64 for a
-    type of numbers, and for a parameter, which may be one."""
-    given = [part for part in call.value.args if part.name in literals]
-    others = [part for part in call.value.args if part.name not in literals]
+    """Literals among the arguments of a call get a type where Numba would find none: in a record, such as a vector, that of its
+    first other float, and float64 where there is none; float64 for a type of numbers, and for a parameter, which may be one."""
+    every = [*call.value.args, *(part for _, part in call.value.kws)]
+    given = [part for part in every if part.name in literals]
+    others = [part for part in every if part.name not in literals]
     is_record = isinstance(function, type) and issubclass(function, tuple)
     if is_record and given and others:
         like = _assigned(block, "like", ir.Expr.build_tuple(others, call.loc), call)
@@ -146,6 +146,7 @@ def _type_arguments(block: Any, call: ir.Assign, function: Any, literals: dict[s
         for part in given:
             value = _assigned(block, part.name, ir.Expr.call(typed, (part, like), (), call.loc), call)
             call.value.args = [value if each is part else each for each in call.value.args]
+            call.value.kws = [(name, value if each is part else each) for name, each in call.value.kws]
     elif is_record or _may_be_type(function):
         for part in given:
             literals[part.name].value = ir.Const(float(literals[part.name].value.value), call.loc)

@@ -41,7 +41,7 @@ def step(si, light, bsdf, draws, path, options):
         select(refracts, transmission.wi, reflection.wi),
         refracts & through,
         select(refracts, kt, ks),
-        const(math.inf, si.t),
+        math.inf,
         reflects & refracts,
         reflection.wi,
         ks,

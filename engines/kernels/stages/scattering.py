@@ -85,7 +85,7 @@ def _tilted_sample(rays, lane, sample):
 @inline
 def _straight_on(si, share):
     one = const(1.0, si.t)
-    return BSDFSample(si.direction, Spectrum(Vec3(one, one, one), share), const(math.inf, one), True, True)
+    return BSDFSample(si.direction, Spectrum(Vec3(one, one, one), share), math.inf, True, True)
 
 
 @inline
@@ -218,7 +218,6 @@ def _make_load_scattering(light_through: bool, bends: bool) -> Any:
 
 @inline
 def _load_scattering(rays, lane, si, through, eta_scale):
-    zero = const(0.0, si.t)
     return Scattering(
         Spectrum(rays.value_color[lane], rays.value_scale[lane]),
         rays.value_pdf[lane],
@@ -232,14 +231,14 @@ def _load_scattering(rays, lane, si, through, eta_scale):
         BSDFSample(
             rays.reflection_wi[lane],
             Spectrum(rays.reflection_color[lane], rays.reflection_scale[lane]),
-            zero,
+            0.0,
             False,
             rays.reflection_valid[lane],
         ),
         BSDFSample(
             rays.transmission_wi[lane],
             Spectrum(rays.transmission_color[lane], rays.transmission_scale[lane]),
-            zero,
+            0.0,
             rays.transmission_through[lane],
             rays.transmission_valid[lane],
         ),

@@ -61,18 +61,18 @@ def _make(diffuse: bool, reflection: bool, transmission: bool) -> LaneBSDF:
 
     @inline
     def lobes_of(parameters, si):
-        zero, one = const(0.0, si.t), const(1.0, si.t)
+        zero = const(0.0, si.t)
         none = Vec3(zero, zero, zero)
         kd = Vec3(parameters[0], parameters[1], parameters[2]) if diffuse else none
         if not specular:
-            return Lobes(kd, none, none, one, one, total(kd), zero, zero, none, none, False, one)
+            return Lobes(kd, none, none, 1.0, 1.0, total(kd), zero, zero, none, none, False, 1.0)
         ks = Vec3(parameters[3], parameters[4], parameters[5]) if reflection else none
         kt = Vec3(parameters[6], parameters[7], parameters[8]) if transmission else none
-        eta = select(si.front, parameters[9], one / parameters[9])
+        eta = select(si.front, parameters[9], 1.0 / parameters[9])
         glass = refract(si.direction, si.normal, eta)
         weighted = parameters[10] > zero
-        f = select(weighted, glass.reflectance, one)
-        g = select(weighted, one - glass.reflectance, one)
+        f = select(weighted, glass.reflectance, 1.0)
+        g = select(weighted, 1.0 - glass.reflectance, 1.0)
         return Lobes(
             kd,
             ks,

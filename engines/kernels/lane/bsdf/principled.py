@@ -119,7 +119,7 @@ def _diffuse_and_sheen(of, wo, wi, cos):
 @inline
 def _coat_density(of, m):
     """GTR1."""
-    rest = of.coat_square - const(1.0, m.z)
+    rest = of.coat_square - 1.0
     return rest / (math.pi * log(of.coat_square) * (1.0 + rest * m.z * m.z))
 
 

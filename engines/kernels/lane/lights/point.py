@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from engines.kernels.compile.jit import inline
-from engines.kernels.compile.values import const, select
+from engines.kernels.compile.values import select
 from engines.kernels.lane.lights.sample import LightSample
 from engines.kernels.lane.vector import Vec3, dot
 
@@ -19,4 +19,4 @@ def sample(light, p, normal, u0, u1):
     square = dot(to, to)
     distance = np.sqrt(square)
     scale = 1.0 / select(falloff > 0.0, square, 1.0)
-    return LightSample(to * (1.0 / distance), distance, light.color * scale, const(math.inf, falloff))
+    return LightSample(to * (1.0 / distance), distance, light.color * scale, math.inf)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from engines.kernels.compile.jit import inline
-from engines.kernels.compile.values import const, select
+from engines.kernels.compile.values import select
 from engines.kernels.lane.arccos import arccos
 from engines.kernels.lane.lights.sample import LightSample
 from engines.kernels.lane.vector import Vec3, dot
@@ -25,4 +25,4 @@ def sample(light, p, normal, u0, u1):
     falloff = (cutoff - theta) / select(soft, cutoff - beam, 1.0)
     falloff = select(soft & (falloff < 1.0), falloff, 1.0)
     scale = select(theta < cutoff, falloff / square, 0.0)
-    return LightSample(wi, distance, light.color * scale, const(math.inf, x))
+    return LightSample(wi, distance, light.color * scale, math.inf)

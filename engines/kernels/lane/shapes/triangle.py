@@ -100,7 +100,6 @@ def triangle_normal(a, b, c):
 def intersection(o, d, a, b, c, na, nb, nc, smooth):
     """Where a ray meets the triangle a, b, c; with `smooth` the shading normal is interpolated between na, nb, nc. The
     point comes from the barycentric weights: it lies in the face however far the origin was."""
-    zero = const(0.0, d.x)
     frame = ray_frame(d)
     sa, sb, sc = shear(frame, a - o), shear(frame, b - o), shear(frame, c - o)
     w = edge_weights(sa, sb, sc)
@@ -112,10 +111,10 @@ def intersection(o, d, a, b, c, na, nb, nc, smooth):
     if smooth:
         interpolated = na * (w.a * inverse) + nb * u + nc * v
         square = dot(interpolated, interpolated)
-        good = square > zero
+        good = square > 0.0
         shading = select(good, interpolated * (1.0 / np.sqrt(select(good, square, 1.0))), normal)
     t = (w.a * sa.z + w.b * sb.z + w.c * sc.z) / whole
-    return ShapeIntersection(t, zero, u, v, a * (w.a * inverse) + b * u + c * v, normal, shading, b - a)
+    return ShapeIntersection(t, 0.0, u, v, a * (w.a * inverse) + b * u + c * v, normal, shading, b - a)
 
 
 class VertexUV(NamedTuple):
