@@ -20,7 +20,10 @@ from engines.kernels.lane.bsdf.interface import BSDFSample, LaneBSDF, Scattering
 from engines.kernels.lane.fresnel import reflect, refract
 from engines.kernels.lane.lights.sample import LightSample
 from engines.kernels.lane.sampling import cosine_direction, cosine_pdf, power_heuristic
-from engines.kernels.lane.vector import Vec3, cross, dot, largest, length, select3, tangents, total, unit
+from engines.kernels.lane.vector import Vec3, cross, dot, largest, length, tangents, total, unit
+
+select3 = select
+"""The former name of `select` where it chooses vectors."""
 
 
 @dataclass(frozen=True, slots=True)

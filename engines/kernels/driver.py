@@ -23,7 +23,7 @@ from engines.kernels.compile.jit import inline, kernel
 from engines.kernels.compile.masks import EVERY_LANE, flagged_lanes, lanes_where, positive_lanes
 from engines.kernels.compile.values import bits_set, call_stage, fetch_add, highest_bit, lowest_bit, select
 from engines.kernels.guide_records import keep_records, learn
-from engines.kernels.lane.vector import Vec3, select3
+from engines.kernels.lane.vector import Vec3
 from engines.kernels.layout import (
     CAMERA_DIMENSIONS,
     LANES,
@@ -75,7 +75,7 @@ def make_idle(rays, lane, sample):
 def _add_direct_light(rays, zero, tested):
     """Adds the light samples that nothing hides; `tested`: there were shadow rays."""
     for lane in range(np.uint64(LANES)):
-        direct = select3(tested & (rays.occluded[lane] != 0), Vec3(zero, zero, zero), rays.direct[lane])
+        direct = select(tested & (rays.occluded[lane] != 0), Vec3(zero, zero, zero), rays.direct[lane])
         rays.radiance[lane] = rays.radiance[lane] + direct
 
 
@@ -251,7 +251,7 @@ def _cross_null_lobes(rays, stages, shadows, scene, real):
         call_stage(stages[DARK_SURFACE], shadows, scene)
         call_stage(stages[TRANSMIT], shadows, scene)
     for lane in range(np.uint64(LANES)):
-        passed = select3(walk.t[lane] > zero, Vec3(zero, zero, zero), walk.throughput[lane])
+        passed = select(walk.t[lane] > zero, Vec3(zero, zero, zero), walk.throughput[lane])
         rays.direct[lane] = rays.direct[lane] * passed
         rays.occluded[lane] = 0
     return traced

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from functools import wraps
+from typing import Any, NamedTuple
 
 
 class SceneFeatures(NamedTuple):
-    """Stages are compiled for the features that concern them (`only`), so that scenes which differ in others share
+    """Stages are compiled for the features that they read (`per_features`), so that scenes which differ in others share
     their machine code, and no stage has code for what the scene lacks. Kinds are those of `engines.kernels.flatten`."""
 
     triangles: bool = False
@@ -72,21 +73,48 @@ class SceneFeatures(NamedTuple):
     guided: bool = False
     """Directions are sampled by an SD-tree as well: the integrator's `guiding`."""
 
-    @property
-    def of_bsdfs(self) -> SceneFeatures:
-        """Those that the lane functions of BSDF models depend on."""
-        return self.only(
-            "diffuse",
-            "mirror",
-            "refraction",
-            "specular_reflection",
-            "specular_transmission",
-            "transmission",
-            "clearcoat",
-            "spec_trans",
-            "tangents",
-        )
-
     def only(self, *names: str) -> SceneFeatures:
         """The named features, and none of the others."""
         return SceneFeatures(**{name: getattr(self, name) for name in names})
+
+
+class FeatureReader:
+    """Features that note which of them are read."""
+
+    def __init__(self, features: Any) -> None:
+        self._features, self.read = features, dict[str, Any]()
+
+    def __getattr__(self, name: str) -> Any:
+        self.read[name] = value = getattr(self._features, name)
+        return value
+
+    @property
+    def plain(self) -> SceneFeatures:
+        """The features themselves, of which nothing is noted."""
+        return plain(self._features)
+
+
+def plain(features: Any) -> SceneFeatures:
+    """The features behind a reader."""
+    return features.plain if isinstance(features, FeatureReader) else features
+
+
+def per_features(make: Any) -> Any:
+    """Keeps what a factory (features, *arguments) makes for each set of arguments and of features *that it has read*: scenes
+    that differ in others share machine code, and no factory has to say which concern it."""
+    kept: dict[tuple[Any, ...], list[tuple[dict[str, Any], Any]]] = {}
+
+    @wraps(make)
+    def made(features: Any, *arguments: Any) -> Any:
+        same, given = kept.setdefault(arguments, []), plain(features)
+        found = next((one for one in same if all(getattr(given, name) == value for name, value in one[0].items())), None)
+        if found is None:
+            reader = FeatureReader(given)
+            found = reader.read, make(reader, *arguments)
+            same.append(found)
+        read, result = found
+        if isinstance(features, FeatureReader):
+            features.read.update(read)
+        return result
+
+    return made

@@ -63,7 +63,7 @@ class Lanes:
             else:
                 numbers.append(value)
         features = features or SceneFeatures(**{**leaf_features([leaf]), "tangents": True})
-        self._run = _compiled(model_of(leaf), features.of_bsdfs, real)
+        self._run = _compiled(model_of(leaf), features, real)
         self._numbers = np.array(numbers + [0.0] * (BSDF_PARAMETERS - len(numbers)), real)
         self._tables, self._front, self._real = np.array(tables, real), front, real
 

@@ -43,8 +43,7 @@ def assembly(names, unrolls_early=False):
 
     def bsdf(leaf):
         features = SceneFeatures(**leaf_features([leaf]))
-        wrapping, uses = scattering.around(features), Uses(value=True, sample=True)
-        return scattering._stage(model_of(leaf), True, features.of_bsdfs, wrapping, True, uses, np.float32)
+        return scattering._stage(features, model_of(leaf), Uses(value=True, sample=True), np.float32)
 
     make = {
         "frosted glass": lambda: bsdf(Dielectric(1.5, (0.2, 0.3), distribution="beckmann")),

@@ -23,6 +23,7 @@ from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import cpu_target
 
 from engines.kernels.compile.code_cache import cached
+from engines.kernels.compile.weak_literals import WeakCompiler
 
 # The default error model puts an early exit into every loop with a division, and then nothing vectorises.
 OPTIONS: dict[str, Any] = {"error_model": "numpy"}
@@ -79,7 +80,7 @@ def _without_early_unrolling() -> Iterator[None]:
 
 def kernel(function: Callable[..., Any]) -> Any:
     """A jitted function that Python calls: releases the GIL, kept on disk."""
-    dispatcher = numba.njit(nogil=True, **OPTIONS)(function)
+    dispatcher = numba.njit(nogil=True, pipeline_class=WeakCompiler, **OPTIONS)(function)
     dispatcher._cache = cached(function)
     compile_for = dispatcher._compile_for_args
 
@@ -97,7 +98,9 @@ def inline(function: Callable[..., Any]) -> Any:
     No Python wrapper is generated and no machine code of its own; what calls it links and inlines its LLVM code. A call from
     Python compiles the function once more.
     """
-    dispatcher = numba.njit(forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, **OPTIONS)(function)
+    dispatcher = numba.njit(
+        forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, pipeline_class=WeakCompiler, **OPTIONS
+    )(function)
 
     def without_compilation(flags: Any) -> Any:
         flags.no_compile = True
@@ -113,7 +116,7 @@ def inline(function: Callable[..., Any]) -> Any:
 
     @cache
     def from_python() -> Any:
-        return numba.njit(**OPTIONS)(function)
+        return numba.njit(pipeline_class=WeakCompiler, **OPTIONS)(function)
 
     dispatcher._compiler._customize_flags = without_compilation
     dispatcher.add_overload = remember
@@ -143,7 +146,7 @@ def compile_callback(function: Callable[..., Any]) -> Any:
 
 def compile_function(function: Callable[..., Any], signature: Any, on_disk: bool = True) -> Any:
     """Compiles a C function of the given numba signature."""
-    compiled = CFunc(function, (signature.args, signature.return_type), locals={}, options=dict(OPTIONS))
+    compiled = CFunc(function, (signature.args, signature.return_type), {}, dict(OPTIONS), WeakCompiler)
     if on_disk:
         compiled._cache = cached(function)
     with _timed_compilation(), _without_early_unrolling():

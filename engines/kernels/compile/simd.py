@@ -21,14 +21,18 @@ from numba.extending import intrinsic, lower_builtin
 
 from engines.kernels.compile.memory import tag_access
 from engines.kernels.compile.simd_types import WIDTH, Mask, Simd, call_vector, constants, shuffled, spread
+from engines.kernels.compile.weak_literals import WeakFloat
 
 # ---- operators -------------------------------------------------------------------------------------------------------
+
+
+_PLAIN = (types.Float, types.Integer, WeakFloat)
 
 
 def _kind(a: Any, b: Any) -> Any:
     """The scalar type of an operation with a vector; None where none takes part, or two of different types."""
     kinds = {x.kind for x in (a, b) if isinstance(x, Simd)}
-    plain = all(isinstance(x, (Simd, types.Float, types.Integer)) for x in (a, b))
+    plain = all(isinstance(x, (Simd, *_PLAIN)) for x in (a, b))
     return kinds.pop() if len(kinds) == 1 and plain else None
 
 
@@ -62,7 +66,7 @@ def _give(function: Any, result: Callable[[Any, Any], Any], apply: Callable[...,
             return apply(builder, kind, *arguments)
 
 
-_WITH_VECTOR = ((Simd, Simd), (Simd, types.Number), (types.Number, Simd))
+_WITH_VECTOR = ((Simd, Simd), *((Simd, one) for one in _PLAIN), *((one, Simd) for one in _PLAIN))
 
 
 def _instruction(name: str) -> Any:

@@ -8,9 +8,10 @@ from typing import Any
 
 from llvmlite import ir
 from numba import types
-from numba.extending import intrinsic
+from numba.extending import intrinsic, overload
 
 from engines.kernels.compile.simd_types import Simd, call_vector, spread
+from engines.kernels.compile.weak_literals import WeakFloat, const
 
 # ---- calls and atomics -----------------------------------------------------------------------------------------------
 
@@ -108,21 +109,40 @@ def fetch_add(typing, address, amount):
 # ---- values ----------------------------------------------------------------------------------------------------------
 
 
+def _type_of_both(yes: Any, no: Any) -> Any:
+    """The type of a value that is one of two: a literal has that of the other, and a plain number beside a vector is eight."""
+    if isinstance(yes, types.BaseTuple) and isinstance(no, types.BaseTuple) and len(yes) == len(no):
+        parts = [_type_of_both(*pair) for pair in zip(yes, no, strict=True)]
+        return types.BaseTuple.from_types(parts, getattr(yes, "instance_class", None))
+    return no if isinstance(no, Simd) or isinstance(yes, WeakFloat) else yes
+
+
+def _select(context: Any, builder: Any, condition: Any, kind: Any, values: Any, kinds: Any) -> Any:
+    if isinstance(kind, types.BaseTuple):
+        parts = [
+            _select(context, builder, condition, part, [builder.extract_value(value, k) for value in values], pair)
+            for k, (part, *pair) in enumerate(zip(kind, *kinds, strict=True))
+        ]
+        return context.make_tuple(builder, kind, parts)
+    if kind == types.none:
+        return context.get_dummy_value()
+    scalar = kind.kind if isinstance(kind, Simd) else kind
+    values = [
+        value if isinstance(of, Simd) else context.cast(builder, value, of, scalar)
+        for value, of in zip(values, kinds, strict=True)
+    ]
+    return builder.select(condition, *(spread(builder, value) if isinstance(kind, Simd) else value for value in values))
+
+
 @intrinsic
 def select(typing, condition, yes, no):
-    """`yes` where `condition` holds, else `no`, both evaluated: never a branch, so loops over lanes stay vector code.
-    Of a mask (`simd`) it selects number by number, and a plain number is eight equal ones. The result has the type of
-    `yes`, or of the vector."""
-    result = no if isinstance(no, Simd) else yes
-    scalar = result.kind if isinstance(result, Simd) else result
-
-    def operand(context, builder, value, kind):
-        value = value if isinstance(kind, Simd) else context.cast(builder, value, kind, scalar)
-        return spread(builder, value) if isinstance(result, Simd) else value
+    """`yes` where `condition` holds, else `no`, both evaluated: never a branch, so loops over lanes stay vector code. Takes
+    numbers, and records part by part. Of a mask (`simd`) it selects number by number, and a plain number is eight equal
+    ones."""
+    result = _type_of_both(yes, no)
 
     def generate(context, builder, signature, arguments):
-        values = [operand(context, builder, x, kind) for x, kind in zip(arguments[1:], signature.args[1:], strict=True)]
-        return builder.select(arguments[0], *values)
+        return _select(context, builder, arguments[0], result, arguments[1:], signature.args[1:])
 
     return result(condition, yes, no), generate
 
@@ -143,24 +163,30 @@ def pick(typing, condition, yes, no):
 @intrinsic
 def fma(typing, a, b, c):
     """a b + c, rounded once."""
+    kind = _type_of_both(_type_of_both(a, b), c)
 
     def generate(context, builder, signature, arguments):
-        if isinstance(a, Simd):
+        if isinstance(kind, Simd):
             return call_vector(builder, "fma", arguments)
-        return builder.fma(*arguments)
+        return builder.fma(*(context.cast(builder, x, of, kind) for x, of in zip(arguments, signature.args, strict=True)))
 
-    return a(a, a, a), generate
+    return kind(a, b, c), generate
 
 
-@intrinsic
-def const(typing, value, like):
-    """The number `value` in the type of `like`: a bare Python literal would turn float32 arithmetic into float64."""
-    kind = like.kind if isinstance(like, Simd) else getattr(like, "dtype", like)
+def _take_literals(function: Any) -> None:
+    """Teaches `min` or `max` to take a literal beside a number."""
 
-    def generate(context, builder, signature, arguments):
-        return context.cast(builder, arguments[0], signature.args[0], kind)
+    @overload(function)
+    def of_two(a, b):
+        if isinstance(b, WeakFloat) and isinstance(a, types.Float):
+            return lambda a, b: function(a, const(b, a))
+        if isinstance(a, WeakFloat) and isinstance(b, types.Float):
+            return lambda a, b: function(const(a, b), b)
+        return None
 
-    return kind(value, like), generate
+
+_take_literals(min)
+_take_literals(max)
 
 
 # ---- powers of two ---------------------------------------------------------------------------------------------------

@@ -9,6 +9,7 @@ from numba import types
 from numba.extending import overload
 
 from engines.kernels.compile.simd_types import Simd
+from engines.kernels.compile.weak_literals import WeakCompiler, WeakFloat
 
 
 class Vec3(NamedTuple):
@@ -29,24 +30,24 @@ def _is_vector(kind: object) -> bool:
 
 
 def _is_number(kind: object) -> bool:
-    return isinstance(kind, (types.Float, Simd))
+    return isinstance(kind, (types.Float, WeakFloat, Simd))
 
 
-@overload(operator.add)
+@overload(operator.add, jit_options={"pipeline_class": WeakCompiler})
 def _add(a, b):
     if _is_vector(a) and _is_vector(b):
         return lambda a, b: Vec3(a.x + b.x, a.y + b.y, a.z + b.z)
     return None
 
 
-@overload(operator.sub)
+@overload(operator.sub, jit_options={"pipeline_class": WeakCompiler})
 def _sub(a, b):
     if _is_vector(a) and _is_vector(b):
         return lambda a, b: Vec3(a.x - b.x, a.y - b.y, a.z - b.z)
     return None
 
 
-@overload(operator.mul)
+@overload(operator.mul, jit_options={"pipeline_class": WeakCompiler})
 def _mul(a, b):
     if _is_vector(a) and _is_vector(b):
         return lambda a, b: Vec3(a.x * b.x, a.y * b.y, a.z * b.z)
@@ -57,7 +58,7 @@ def _mul(a, b):
     return None
 
 
-@overload(operator.neg)
+@overload(operator.neg, jit_options={"pipeline_class": WeakCompiler})
 def _neg(a):
     if _is_vector(a):
         return lambda a: Vec3(-a.x, -a.y, -a.z)

@@ -10,9 +10,9 @@ from engines.kernels.lane.vector import Vec3, length
 
 @inline
 def step(si, light, bsdf, draws, path, options):
-    zero, one = const(0.0, si.t), const(1.0, si.t)
-    far = const(1.1, si.t) * length(Vec3(options[3], options[4], options[5]) - si.origin)
-    grey = (far - si.t) / select(far > zero, far, one)
+    zero = const(0.0, si.t)
+    far = 1.1 * length(Vec3(options[3], options[4], options[5]) - si.origin)
+    grey = (far - si.t) / select(far > zero, far, 1.0)
     grey = select((not si.miss) & (grey > zero) & (far > zero), grey, zero)
     return finish(si.t, Vec3(grey, grey, grey), Vec3(zero, zero, zero))
 

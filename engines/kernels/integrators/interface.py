@@ -3,7 +3,7 @@
     step(si, light, bsdf, draws, path, options) -> ScatterResult
 
 of one lane, called at every vertex of a path, without branches where it can (use `select`): then sixteen lanes run as
-vector code. Vectors are `Vec3`; numbers have the tracing precision, so write constants as `const(0.5, si.t)`. `light`
+vector code. Vectors are `Vec3`; numbers have the tracing precision, which literals take from what they meet. `light`
 is a `LightSample`, `bsdf` a `Scattering`, `options` eight numbers.
 """
 

@@ -6,7 +6,7 @@ from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import const, select
 from engines.kernels.integrators.interface import Integrator, ScatterResult, Uses
 from engines.kernels.lane.sampling import power_heuristic
-from engines.kernels.lane.vector import Vec3, dot, largest, select3
+from engines.kernels.lane.vector import Vec3, dot, largest
 
 LIGHT_ONLY, BSDF_ONLY, MIS = 0, 1, 2
 DIRECT = {"light": LIGHT_ONLY, "bsdf": BSDF_ONLY, "mis": MIS}
@@ -17,16 +17,15 @@ DIRECT_OPTION, LIGHT_CANDIDATES = 2, 3
 @inline
 def _path_step(si, light, bsdf, draws, path, options, crosses):
     """One vertex. Where the sample `crosses` the surface, that is no vertex: depth and pdf stay, and there is no roulette."""
-    zero, one = const(0.0, si.t), const(1.0, si.t)
+    zero = const(0.0, si.t)
     none = Vec3(zero, zero, zero)
     max_depth, rr_depth, direct = options[0], options[1], options[2]
-    use_light, use_bsdf = direct == const(LIGHT_ONLY, direct), direct == const(BSDF_ONLY, direct)
-    huge = const(3e38, zero)
+    use_light, use_bsdf = direct == LIGHT_ONLY, direct == BSDF_ONLY
 
     # emission: what the light strategy would have found too counts for less
     unlisted = si.light_pdf <= zero
-    only = select(unlisted | (path.pdf > huge), one, zero)
-    w = select(use_light, only, select(use_bsdf, one, power_heuristic(path.pdf, si.light_pdf)))
+    only = select(unlisted | (path.pdf > 3e38), 1.0, zero)
+    w = select(use_light, only, select(use_bsdf, 1.0, power_heuristic(path.pdf, si.light_pdf)))
     radiance = path.throughput * si.emission * w
 
     sample = bsdf.sample
@@ -34,7 +33,7 @@ def _path_step(si, light, bsdf, draws, path, options, crosses):
 
     # direct light
     w = power_heuristic(light.pdf, bsdf.pdf)
-    w = select(use_light, one, select(use_bsdf, select(light.pdf > huge, one, zero), w))
+    w = select(use_light, 1.0, select(use_bsdf, select(light.pdf > 3e38, 1.0, zero), w))
     value = bsdf.value
     side = dot(si.geometric_normal, light.wi)
     lit = goes_on & (value.scale > zero) & (select(bsdf.through, -side, side) > zero) & (light.pdf > zero)
@@ -47,13 +46,13 @@ def _path_step(si, light, bsdf, draws, path, options, crosses):
 
     # roulette, as if refraction did not scale radiance
     survival = largest(throughput) * (path.eta_scale * bsdf.eta_scale)
-    survival = select(survival < const(0.95, survival), survival, const(0.95, survival))
+    survival = select(survival < 0.95, survival, 0.95)
     plays = (path.depth >= rr_depth) & (not crosses)
     alive = alive & ((draws.roulette < survival) | (not plays))
-    throughput = throughput * select(plays, one / select(survival > zero, survival, one), one)
+    throughput = throughput * select(plays, 1.0 / select(survival > zero, survival, 1.0), 1.0)
     return ScatterResult(
         radiance,
-        select3(lit, li, none),
+        select(lit, li, none),
         alive,
         sample.wi,
         sample.transmitted,

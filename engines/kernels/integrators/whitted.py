@@ -7,7 +7,7 @@ import math
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import const, select
 from engines.kernels.integrators.interface import Integrator, ScatterResult, Uses
-from engines.kernels.lane.vector import Vec3, dot, select3, total
+from engines.kernels.lane.vector import Vec3, dot, total
 
 
 @inline
@@ -19,30 +19,29 @@ def local(si, light, bsdf, path, ambient):
     side = dot(si.geometric_normal, light.wi)
     lit = (not si.miss) & (value.scale > zero) & (select(bsdf.through, -side, side) > zero) & (light.pdf > zero)
     direct = path.throughput * value.color * light.radiance * select(lit, value.scale, zero)
-    return radiance, select3(lit, direct, Vec3(zero, zero, zero))
+    return radiance, select(lit, direct, Vec3(zero, zero, zero))
 
 
 @inline
 def step(si, light, bsdf, draws, path, options):
-    zero = const(0.0, si.t)
     radiance, direct = local(si, light, bsdf, path, options[1])
     reflection, transmission = bsdf.reflection, bsdf.transmission
     ks = path.throughput * reflection.weight.color * reflection.weight.scale
     kt = path.throughput * transmission.weight.color * transmission.weight.scale
     deeper = (path.depth < options[0]) & (not si.miss)
-    reflects = deeper & reflection.valid & (total(ks) > zero) & (dot(si.geometric_normal, reflection.wi) > zero)
+    reflects = deeper & reflection.valid & (total(ks) > 0.0) & (dot(si.geometric_normal, reflection.wi) > 0.0)
     side = dot(si.geometric_normal, transmission.wi)
     through = transmission.transmitted
-    refracts = deeper & transmission.valid & (total(kt) > zero) & (select(through, -side, side) > zero)
+    refracts = deeper & transmission.valid & (total(kt) > 0.0) & (select(through, -side, side) > 0.0)
     # the refraction goes on in the lane, the mirror ray waits: both where there are both
     return ScatterResult(
         radiance,
         direct,
         reflects | refracts,
-        select3(refracts, transmission.wi, reflection.wi),
+        select(refracts, transmission.wi, reflection.wi),
         refracts & through,
-        select3(refracts, kt, ks),
-        const(math.inf, si.t),
+        select(refracts, kt, ks),
+        math.inf,
         reflects & refracts,
         reflection.wi,
         ks,

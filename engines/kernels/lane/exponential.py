@@ -93,28 +93,26 @@ def exp(x):
     """e^x for x <= 88; 0 below -87."""
     lowest = const(LOWEST, x)
     held = select(x > lowest, x, lowest)
-    n = np.floor(held * const(1.0 / math.log(2.0), x) + const(0.5, x))
-    rest = held - n * const(_LN2_HIGH, x) - n * const(_LN2_LOW, x)
-    return select(x > lowest, _exp(rest) * power_of_two(n), const(0.0, x))
+    n = np.floor(held * const(1.0 / math.log(2.0), x) + 0.5)
+    rest = held - n * _LN2_HIGH - n * _LN2_LOW
+    return select(x > lowest, _exp(rest) * power_of_two(n), 0.0)
 
 
 @inline
 def log(x):
     """The natural logarithm of a positive normal number."""
     e, m = exponent_of(x), mantissa_of(x)
-    one, half = const(1.0, x), const(0.5, x)
     large = m > const(math.sqrt(2.0), x)
-    m, e = select(large, m * half, m), select(large, e + one, e)
-    s = (m - one) / (m + one)
+    m, e = select(large, m * 0.5, m), select(large, e + 1.0, e)
+    s = (m - 1.0) / (m + 1.0)
     square = s * s
-    return e * const(_LN2_HIGH, x) + (e * const(_LN2_LOW, x) + (s * square * _log(square) + (s + s)))
+    return e * _LN2_HIGH + (e * _LN2_LOW + (s * square * _log(square) + (s + s)))
 
 
 @inline
 def erfcx(x):
     """exp(x^2) erfc(x) for x in [0, 6]."""
-    one, k = const(1.0, x), const(3.75, x)
-    return _erfcx(const(1.625, x) * ((x - k) / (x + k)) + const(0.625, x)) / (one + x + x)
+    return _erfcx(1.625 * ((x - 3.75) / (x + 3.75)) + 0.625) / (1.0 + x + x)
 
 
 @inline
@@ -122,13 +120,12 @@ def erf(x):
     """The error function of x >= 0; of large ones to an ulp of 1, not of their own."""
     most = const(LARGEST_ERROR_ARGUMENT, x)
     held = select(x < most, x, most)
-    return const(1.0, x) - exp(-held * held) * erfcx(held)
+    return 1.0 - exp(-held * held) * erfcx(held)
 
 
 @inline
 def rough_erfinv(x):
     """The inverse error function of |x| < 1, with errors below 4e-7 where 1 - |x| is above 2^-24."""
-    one = const(1.0, x)
-    w = -log((one - x) * (one + x))
-    tail = _erfinv_tail(np.sqrt(select(w > const(0.0, x), w, one)) - const(3.0, x))
-    return x * select(w < const(5.0, x), _erfinv_middle(w - const(2.5, x)), tail)
+    w = -log((1.0 - x) * (1.0 + x))
+    tail = _erfinv_tail(np.sqrt(select(w > 0.0, w, 1.0)) - 3.0)
+    return x * select(w < 5.0, _erfinv_middle(w - 2.5), tail)

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from engines.kernels.compile.jit import inline
-from engines.kernels.compile.values import const, select
-from engines.kernels.lane.vector import Vec3, cross, dot, select3, tangents
+from engines.kernels.compile.values import select
+from engines.kernels.lane.vector import Vec3, cross, dot, tangents
 
 
 class Frame(NamedTuple):
@@ -30,14 +30,13 @@ def frame_of_normal(n):
 @inline
 def frame_of_tangent(n, tangent):
     """The frame about n whose s is as near to `tangent` as can be; `frame_of_normal` where that is parallel to n, or 0."""
-    one = const(1.0, n.x)
     across = tangent - n * dot(n, tangent)
     square = dot(across, across)
-    good = square > const(1e-8, one) * dot(tangent, tangent)
-    s = across * (one / np.sqrt(select(good, square, one)))
+    good = square > 1e-8 * dot(tangent, tangent)
+    s = across * (1.0 / np.sqrt(select(good, square, 1.0)))
     s0, t0 = tangents(n)
-    s = select3(good, s, s0)
-    return Frame(s, select3(good, cross(n, s), t0), n)
+    s = select(good, s, s0)
+    return Frame(s, select(good, cross(n, s), t0), n)
 
 
 @inline

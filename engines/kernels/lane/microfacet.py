@@ -37,38 +37,37 @@ class Distribution(NamedTuple):
 @inline
 def ggx_density(m, ax, ay):
     """D(m), per steradian, of roughnesses ax, ay above 0."""
-    one, x, y = const(1.0, ax), m.x / ax, m.y / ay
+    x, y = m.x / ax, m.y / ay
     e = x * x + y * y + m.z * m.z
-    return one / (const(math.pi, ax) * ax * ay * e * e)
+    return 1.0 / (math.pi * ax * ay * e * e)
 
 
 @inline
 def ggx_masking(v, ax, ay):
     """Smith's G1(v), for v.z above 0."""
-    one, x, y = const(1.0, ax), ax * v.x, ay * v.y
-    return const(2.0, ax) / (one + np.sqrt(one + (x * x + y * y) / (v.z * v.z)))
+    x, y = ax * v.x, ay * v.y
+    return 2.0 / (1.0 + np.sqrt(1.0 + (x * x + y * y) / (v.z * v.z)))
 
 
 @inline
 def ggx_visible_normal(wo, ax, ay, u0, u1):
     """A normal with density D(m) G1(wo) max(0, wo . m) / wo.z, by spherical caps (Dupuy and Benyoub 2023)."""
-    zero, one, two = const(0.0, u0), const(1.0, u0), const(2.0, u0)
     v = unit(Vec3(ax * wo.x, ay * wo.y, wo.z))
-    k = u0 * (one + v.z)
+    k = u0 * (1.0 + v.z)
     sine, cosine = sin_cos_turn(u1)
-    square = k * (two - k)
-    ring = np.sqrt(select(square > zero, square, zero))
-    h = Vec3(ring * cosine + v.x, ring * sine + v.y, (one - u0) * (one + v.z))
+    square = k * (2.0 - k)
+    ring = np.sqrt(select(square > 0.0, square, 0.0))
+    h = Vec3(ring * cosine + v.x, ring * sine + v.y, (1.0 - u0) * (1.0 + v.z))
     return unit(Vec3(ax * h.x, ay * h.y, h.z))
 
 
 @inline
 def beckmann_density(m, ax, ay):
     """D(m), per steradian, for m.z above 0."""
-    one, zero, x, y = const(1.0, ax), const(0.0, ax), m.x / ax, m.y / ay
-    inverse = one / (m.z * m.z)
+    x, y = m.x / ax, m.y / ay
+    inverse = 1.0 / (m.z * m.z)
     e = exp(-(x * x + y * y) * inverse)
-    return select(e > zero, e * (inverse * inverse) / (const(math.pi, ax) * ax * ay), zero)
+    return select(e > 0.0, e * (inverse * inverse) / (math.pi * ax * ay), 0.0)
 
 
 @inline
@@ -81,18 +80,18 @@ def _cot(v, ax, ay):
 @inline
 def beckmann_masking(v, ax, ay):
     """A rational approximation of Smith's G1(v) (Walter et al. 2007)."""
-    one, a = const(1.0, ax), _cot(v, ax, ay)
-    above = a * (const(3.535, ax) + const(2.181, ax) * a)
-    return select(a < const(1.6, ax), above / (one + a * (const(2.276, ax) + const(2.577, ax) * a)), one)
+    a = _cot(v, ax, ay)
+    above = a * (3.535 + 2.181 * a)
+    return select(a < 1.6, above / (1.0 + a * (2.276 + 2.577 * a)), 1.0)
 
 
 @inline
 def beckmann_visible_masking(v, ax, ay):
     """Smith's G1(v), exact."""
-    one, most, a = const(1.0, ax), const(LARGEST_ERROR_ARGUMENT, ax), _cot(v, ax, ay)
+    most, a = const(LARGEST_ERROR_ARGUMENT, ax), _cot(v, ax, ay)
     a = select(a < most, a, most)
     tail = exp(-a * a)
-    return const(2.0, ax) / (one + (one - tail * erfcx(a)) + tail / (a * const(math.sqrt(math.pi), ax)))
+    return 2.0 / (1.0 + (1.0 - tail * erfcx(a)) + tail / (a * const(math.sqrt(math.pi), ax)))
 
 
 class _Target(NamedTuple):
@@ -116,31 +115,30 @@ class _Target(NamedTuple):
 def _tails(x):
     """(erfc(|x|) / 2, exp(-x^2) / (2 sqrt(pi))), for |x| <= 6."""
     e = exp(-x * x)
-    return const(0.5, x) * e * erfcx(abs(x)), const(0.5 / math.sqrt(math.pi), x) * e
+    return 0.5 * e * erfcx(abs(x)), const(0.5 / math.sqrt(math.pi), x) * e
 
 
 @inline
 def _target(u, sine, cosine):
-    one, most = const(1.0, u), const(LARGEST_ERROR_ARGUMENT, u)
+    most = const(LARGEST_ERROR_ARGUMENT, u)
     cot = cosine / sine
     cot = select(cot < most, cot, most)
     tail, e = _tails(cot)
-    total = cosine * (one - tail) + sine * e
-    return _Target(sine, cosine, cot, u * total, (one - u) * total, tail, e)
+    total = cosine * (1.0 - tail) + sine * e
+    return _Target(sine, cosine, cot, u * total, (1.0 - u) * total, tail, e)
 
 
 @inline
 def _halley(x, to):
     """A step of third order towards the target, for x below cot."""
-    zero, one, half, two = const(0.0, x), const(1.0, x), const(0.5, x), const(2.0, x)
     tail, e = _tails(x)
     beyond = to.cosine * (tail - to.end_tail) - to.sine * (e - to.end_e)
-    off = select(x < zero, to.cosine * tail + to.sine * e - to.below, to.above - beyond)
+    off = select(x < 0.0, to.cosine * tail + to.sine * e - to.below, to.above - beyond)
     facing = to.cosine - x * to.sine
-    ratio = off / (two * facing * e)
-    found = x - ratio / (one + half * ratio * (two * x + to.sine / facing))
-    found = select(found > const(-5.0, x), found, const(-5.0, x))
-    return select(found < to.cot, found, half * (x + to.cot))
+    ratio = off / (2.0 * facing * e)
+    found = x - ratio / (1.0 + 0.5 * ratio * (2.0 * x + to.sine / facing))
+    found = select(found > -5.0, found, -5.0)
+    return select(found < to.cot, found, 0.5 * (x + to.cot))
 
 
 @inline
@@ -150,13 +148,13 @@ def _visible_slope(u, sine, cosine):
     The first guess is Jakob's (2014, "An improved visible normal sampling routine for the Beckmann distribution"), off by 0.33
     at most; four steps of third order then reach float64.
     """
-    one, two, to = const(1.0, u), const(2.0, u), _target(u, sine, cosine)
-    power = const(1.2753, u) - const(0.8303, u) * sine - cosine * (const(0.0167, u) + const(0.2618, u) * cosine)
-    highest = one - two * to.end_tail
-    guess = highest - (one + highest) * exp(power * log(one - u))
+    to = _target(u, sine, cosine)
+    power = 1.2753 - 0.8303 * sine - cosine * (0.0167 + 0.2618 * cosine)
+    highest = 1.0 - 2.0 * to.end_tail
+    guess = highest - (1.0 + highest) * exp(power * log(1.0 - u))
     lowest = const(-1.0 + 2.0 * SMALLEST_TAIL, u)
     x = rough_erfinv(select(guess > lowest, guess, lowest))
-    x = select(x < to.cot, x, to.cot) - const(1e-4, u)
+    x = select(x < to.cot, x, to.cot) - 1e-4
     return _halley(_halley(_halley(_halley(x, to), to), to), to)
 
 
@@ -171,7 +169,7 @@ def _held(u):
 @inline
 def beckmann_visible_normal(wo, ax, ay, u0, u1):
     """A normal with density D(m) G1(wo) max(0, wo . m) / wo.z, by inversion of the distribution of slopes."""
-    zero, one, two = const(0.0, u0), const(1.0, u0), const(2.0, u0)
+    zero, one = const(0.0, u0), const(1.0, u0)
     v = unit(Vec3(ax * wo.x, ay * wo.y, wo.z))
     square = v.x * v.x + v.y * v.y
     tilted = square > zero
@@ -180,7 +178,7 @@ def beckmann_visible_normal(wo, ax, ay, u0, u1):
     cos_phi, sin_phi = select(tilted, v.x * scale, one), v.y * scale
     u0, u1 = _held(u0), _held(u1)
     x = _visible_slope(u0, sine, v.z)
-    y = _halley(rough_erfinv(two * u1 - one), _target(u1, zero, one))  # C is (1 + erf) / 2 at the pole
+    y = _halley(rough_erfinv(2.0 * u1 - one), _target(u1, zero, one))  # C is (1 + erf) / 2 at the pole
     return unit(Vec3(ax * (sin_phi * y - cos_phi * x), -ay * (sin_phi * x + cos_phi * y), one))
 
 
@@ -191,9 +189,8 @@ BECKMANN = Distribution(beckmann_density, beckmann_masking, beckmann_visible_mas
 @inline
 def half_vector(wo, wi):
     """The unit vector between two directions; z where they are opposite."""
-    zero, one = const(0.0, wo.x), const(1.0, wo.x)
     m = wo + wi
     square = dot(m, m)
-    good = square > zero
-    scale = one / np.sqrt(select(good, square, one))
-    return Vec3(m.x * scale, m.y * scale, select(good, m.z * scale, one))
+    good = square > 0.0
+    scale = 1.0 / np.sqrt(select(good, square, 1.0))
+    return Vec3(m.x * scale, m.y * scale, select(good, m.z * scale, 1.0))

@@ -7,25 +7,24 @@ import math
 import numpy as np
 
 from engines.kernels.compile.jit import inline
-from engines.kernels.compile.values import const, select
+from engines.kernels.compile.values import select
 from engines.kernels.lane.vector import dot, sin_cos_turn, tangents
 
 
 @inline
 def cosine_direction(n, u0, u1):
     """A direction about n with pdf cos/pi per solid angle."""
-    one = const(1.0, u0)
     radius = np.sqrt(u0)
     sine, cosine = sin_cos_turn(u1)
     t, b = tangents(n)
-    return t * (radius * cosine) + b * (radius * sine) + n * np.sqrt(one - u0)
+    return t * (radius * cosine) + b * (radius * sine) + n * np.sqrt(1.0 - u0)
 
 
 @inline
 def cosine_pdf(n, w):
     """Per solid angle, of the unit direction `w` around the normal `n`; 0 below the surface."""
     cos = dot(n, w)
-    return select(cos > const(0.0, cos), cos, const(0.0, cos)) * const(1.0 / math.pi, cos)
+    return select(cos > 0.0, cos, 0.0) * (1.0 / math.pi)
 
 
 @inline
@@ -33,4 +32,4 @@ def power_heuristic(mine, other):
     """The weight of a sample with pdf `mine` beside a strategy with pdf `other` (Veach 1997), safe for infinite pdfs: 1
     where `mine` is infinite."""
     ratio = other / mine
-    return const(1.0, mine) / (const(1.0, mine) + ratio * ratio)
+    return 1.0 / (1.0 + ratio * ratio)

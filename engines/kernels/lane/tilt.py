@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from engines.kernels.compile.jit import inline
-from engines.kernels.compile.values import const, select
+from engines.kernels.compile.values import select
 from engines.kernels.lane.frame import frame_of_tangent, to_world
 from engines.kernels.lane.vector import Vec3, cross, dot
 
@@ -71,22 +71,21 @@ def normal_map(frame, front, through, wo, color):
 @inline
 def is_consistent(untilted, normal, wi):
     """Whether a direction is on the same side of both normals."""
-    return dot(untilted, wi) * dot(normal, wi) > const(0.0, wi.x)
+    return dot(untilted, wi) * dot(normal, wi) > 0.0
 
 
 @inline
 def _tan2(a, b):
     """The squared tangent of the angle between two unit vectors, 0 of equal ones; held below 1e30."""
-    across, cos, tiny = cross(a, b), dot(a, b), const(1e-30, a.x)
+    across, cos = cross(a, b), dot(a, b)
     square = cos * cos
-    return dot(across, across) / select(square > tiny, square, tiny)
+    return dot(across, across) / select(square > 1e-30, square, 1e-30)
 
 
 @inline
 def terminator(outer, normal, wi):
     """The factor that softens the shadow's edge where `normal` is tilted from `outer` (Estevez, Lecocq and Stein 2019)."""
-    zero, one, two, eight = const(0.0, wi.x), const(1.0, wi.x), const(2.0, wi.x), const(8.0, wi.x)
-    alpha2 = _tan2(outer, normal) / eight
-    alpha2 = select(alpha2 < one, alpha2, one)
-    factor = two / (one + np.sqrt(one + alpha2 * _tan2(outer, wi)))
-    return select(alpha2 > zero, factor, one)
+    alpha2 = _tan2(outer, normal) / 8.0
+    alpha2 = select(alpha2 < 1.0, alpha2, 1.0)
+    factor = 2.0 / (1.0 + np.sqrt(1.0 + alpha2 * _tan2(outer, wi)))
+    return select(alpha2 > 0.0, factor, 1.0)

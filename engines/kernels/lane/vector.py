@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from engines.kernels.compile.jit import inline
-from engines.kernels.compile.values import const, select
+from engines.kernels.compile.values import select
 from engines.kernels.compile.vec3 import Vec3
 
 
@@ -30,13 +30,7 @@ def length(a):
 @inline
 def unit(a):
     """`a` divided by its length; not for the zero vector."""
-    return a * (const(1.0, a.x) / length(a))
-
-
-@inline
-def select3(condition, yes, no):
-    """`yes` where `condition` holds, else `no`, component by component; never a branch."""
-    return Vec3(select(condition, yes.x, no.x), select(condition, yes.y, no.y), select(condition, yes.z, no.z))
+    return a * (1.0 / length(a))
 
 
 @inline
@@ -76,11 +70,10 @@ def tangents(n):
 
     The two charts meet at n.z = -0.7, not at 0: many a facet lies along z, and must not turn on the sign of a rounding error.
     """
-    one = const(1.0, n.x)
-    sign = select(n.z < const(-0.7, n.x), -one, one)
-    a = -one / (sign + n.z)
+    sign = select(n.z < -0.7, -1.0, 1.0)
+    a = -1.0 / (sign + n.z)
     b = n.x * n.y * a
-    return Vec3(one + sign * n.x * n.x * a, sign * b, -sign * n.x), Vec3(b, sign + n.y * n.y * a, -n.y)
+    return Vec3(1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x), Vec3(b, sign + n.y * n.y * a, -n.y)
 
 
 @inline
@@ -89,22 +82,21 @@ def sin_cos_turn(u):
 
     Coefficients of fdlibm's kernel sine and cosine (Sun Microsystems 1993).
     """
-    four = const(4.0, u)
-    quarter = np.floor(u * four + const(0.5, u))
-    x = (u - quarter / four) * const(6.283185307179586, u)
+    quarter = np.floor(u * 4.0 + 0.5)
+    x = (u - quarter / 4.0) * 6.283185307179586
     z = x * x
-    s = const(-2.50507602534068634195e-08, u) + z * const(1.58969099521155010221e-10, u)
-    s = const(-1.98412698298579493134e-04, u) + z * (const(2.75573137070700676789e-06, u) + z * s)
-    s = x + x * z * (const(-1.66666666666666324348e-01, u) + z * (const(8.33333333332248946124e-03, u) + z * s))
-    c = const(2.08757232129817482790e-09, u) + z * const(-1.13596475577881948265e-11, u)
-    c = const(2.48015872894767294178e-05, u) + z * (const(-2.75573143513906633035e-07, u) + z * c)
-    c = const(4.16666666666666019037e-02, u) + z * (const(-1.38888888888741095749e-03, u) + z * c)
-    c = const(1.0, u) - const(0.5, u) * z + z * z * c
+    s = -2.50507602534068634195e-08 + z * 1.58969099521155010221e-10
+    s = -1.98412698298579493134e-04 + z * (2.75573137070700676789e-06 + z * s)
+    s = x + x * z * (-1.66666666666666324348e-01 + z * (8.33333333332248946124e-03 + z * s))
+    c = 2.08757232129817482790e-09 + z * -1.13596475577881948265e-11
+    c = 2.48015872894767294178e-05 + z * (-2.75573143513906633035e-07 + z * c)
+    c = 4.16666666666666019037e-02 + z * (-1.38888888888741095749e-03 + z * c)
+    c = 1.0 - 0.5 * z + z * z * c
     # quarter is 0..4: 0 and 4 (s, c), 1 (c, -s), 2 (-s, -c), 3 (-c, s)
-    odd = (quarter == const(1.0, u)) | (quarter == const(3.0, u))
+    odd = (quarter == 1.0) | (quarter == 3.0)
     sine, cosine = select(odd, c, s), select(odd, s, c)
-    low = (quarter == const(2.0, u)) | (quarter == const(3.0, u))
-    left = (quarter == const(1.0, u)) | (quarter == const(2.0, u))
+    low = (quarter == 2.0) | (quarter == 3.0)
+    left = (quarter == 1.0) | (quarter == 2.0)
     return select(low, -sine, sine), select(left, -cosine, cosine)
 
 
@@ -115,7 +107,6 @@ __all__ = [
     "extent",
     "largest",
     "length",
-    "select3",
     "sin_cos_turn",
     "tangents",
     "to_float64",

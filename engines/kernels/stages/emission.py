@@ -4,13 +4,12 @@ white. Scalar code: what is read differs from lane to lane."""
 from __future__ import annotations
 
 import math
-from functools import cache
 from typing import Any
 
 import numpy as np
 
 from engines.kernels.compile.jit import inline
-from engines.kernels.features import SceneFeatures
+from engines.kernels.features import SceneFeatures, per_features
 from engines.kernels.flatten.lights import CYLINDER, DISK, MESH, SPHERE
 from engines.kernels.flatten.shapes import PLANE, TRIANGLE
 from engines.kernels.flatten.shapes import SPHERE as SPHERE_SHAPE
@@ -19,10 +18,8 @@ from engines.kernels.lane.shapes.coordinates import Coordinates
 from engines.kernels.lane.shapes.triangle import VertexUV, interpolated_uv
 from engines.kernels.lane.vector import Vec3, to_float64, to_real
 from engines.kernels.layout import LANES
-from engines.kernels.stages.material import make_analytic
+from engines.kernels.stages.material import analytic_coordinates
 from engines.kernels.stages.textures import color_at
-
-_FEATURES = ("triangles", "spheres", "planes", "analytic")
 
 
 @inline
@@ -34,11 +31,11 @@ def _on_triangle(scene, row, b1, b2):
     return interpolated_uv(b1, b2, a, b, c)
 
 
-@cache
+@per_features
 def _make_place(features: SceneFeatures) -> Any:
     """The function (scene, row of a primitive, point of it, weights of a triangle's second and third vertex) -> its (u, v)."""
     spheres, planes, has_analytic = features.spheres, features.planes, len(features.analytic) > 0
-    triangles, analytic = features.triangles, make_analytic(features.analytic)
+    triangles, analytic = features.triangles, analytic_coordinates(features.analytic)
 
     @inline
     def place(scene, row, p, b1, b2):
@@ -51,13 +48,13 @@ def _make_place(features: SceneFeatures) -> Any:
         elif planes and kind == PLANE:
             at = plane.coordinates(p, scene.planes[index].point, scene.planes[index].normal)
         elif has_analytic:
-            at = analytic(kind, p, scene.analytic[index].parameters, at)
+            at = analytic(kind, at, p, scene.analytic[index].parameters)
         return VertexUV(at.u, at.v)
 
     return place
 
 
-@cache
+@per_features
 def _make_radiance(features: SceneFeatures, real: Any) -> Any:
     """The function (scene, id of a primitive, point of it, weights of its vertices, white) -> what the texture of its emission
     holds there, `white` where it has none."""
@@ -76,10 +73,10 @@ def _make_radiance(features: SceneFeatures, real: Any) -> Any:
     return radiance
 
 
-@cache
+@per_features
 def make_hits(features: SceneFeatures, real: Any) -> Any:
     """The function (rays, scene) that colours what surfaces emit where the batch's rays have hit them."""
-    radiance, zero = _make_radiance(features.only(*_FEATURES), real), real(0)
+    radiance, zero = _make_radiance(features, real), real(0)
 
     @inline
     def hits(rays, scene):
@@ -92,10 +89,10 @@ def make_hits(features: SceneFeatures, real: Any) -> Any:
     return hits
 
 
-@cache
+@per_features
 def make_light_samples(features: SceneFeatures, real: Any) -> Any:
     """The function (rays, scene) that colours the light samples of the batch."""
-    radiance, zero, white = _make_radiance(features.only(*_FEATURES), real), real(0), Vec3(real(1), real(1), real(1))
+    radiance, zero, white = _make_radiance(features, real), real(0), Vec3(real(1), real(1), real(1))
 
     @inline
     def light_samples(rays, scene):

@@ -9,7 +9,7 @@ import numpy as np
 
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.records import address_of, prefetch
-from engines.kernels.compile.values import const, pick, select
+from engines.kernels.compile.values import pick, select
 from engines.kernels.lane.arccos import arccos
 from engines.kernels.lane.arctan import arctan2
 from engines.kernels.lane.vector import Vec3, dot, sin_cos_turn
@@ -59,16 +59,16 @@ def first_above_from(values, start, first, n, u):
 @inline
 def direction_to_uv(x, y, z):
     """(u, v) in [0, 1] of a unit direction: -z at u = 0, +z at 1/2, +y at v = 0. Vector code, as is the way back."""
-    one, u = const(1.0, y), arctan2(x, -z) * const(0.5 / math.pi, y)
-    y = select(y < one, select(y > -one, y, -one), one)
-    return u - np.floor(u), arccos(y) * const(1.0 / math.pi, y)
+    u = arctan2(x, -z) * (0.5 / math.pi)
+    y = select(y < 1.0, select(y > -1.0, y, -1.0), 1.0)
+    return u - np.floor(u), arccos(y) * (1.0 / math.pi)
 
 
 @inline
 def uv_to_direction(u, v):
     """(direction, sine of its angle to the y axis)."""
     sine_phi, cosine_phi = sin_cos_turn(u)
-    sine, cosine = sin_cos_turn(v * const(0.5, v))
+    sine, cosine = sin_cos_turn(v * 0.5)
     return Vec3(sine_phi * sine, cosine, -cosine_phi * sine), sine
 
 

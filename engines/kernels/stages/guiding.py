@@ -12,11 +12,12 @@ from typing import Any
 
 import numpy as np
 
+from engines.kernels.compile.dispatch import dispatch
 from engines.kernels.compile.jit import compile_stage, inline
 from engines.kernels.compile.masks import lanes_where
 from engines.kernels.compile.records import lane_numbers
-from engines.kernels.compile.values import const, select
-from engines.kernels.features import SceneFeatures
+from engines.kernels.compile.values import select
+from engines.kernels.features import SceneFeatures, per_features
 from engines.kernels.flatten.materials import MODELS
 from engines.kernels.lane.arctan import arctan2
 from engines.kernels.lane.vector import Vec3, dot, largest, sin_cos_turn
@@ -149,17 +150,15 @@ def _make_look_up(real: Any) -> Any:
 @inline
 def _place_of(wi):
     """(x, y) in the square, of a unit direction. Vector code, as is the way back."""
-    half, zero, one = const(0.5, wi.x), const(0.0, wi.x), const(1.0, wi.x)
-    turn = arctan2(wi.y, wi.x) * const(0.5 / math.pi, wi.x)
-    return half * (wi.z + one), select(turn < zero, turn + one, turn)
+    turn = arctan2(wi.y, wi.x) * (0.5 / math.pi)
+    return 0.5 * (wi.z + 1.0), select(turn < 0.0, turn + 1.0, turn)
 
 
 @inline
 def _direction_of(x, y):
-    zero, one, two = const(0.0, x), const(1.0, x), const(2.0, x)
-    z = two * x - one
-    square = one - z * z
-    radius = np.sqrt(select(square > zero, square, zero))
+    z = 2.0 * x - 1.0
+    square = 1.0 - z * z
+    radius = np.sqrt(select(square > 0.0, square, 0.0))
     sine, cosine = sin_cos_turn(y)
     return Vec3(radius * cosine, radius * sine, z)
 
@@ -167,24 +166,9 @@ def _direction_of(x, y):
 # ---- before the BSDFs: which way a direction is sampled, and the tree's sample ------------------------------------------
 
 
-@cache
-def _make_only_delta(kinds: tuple[int, ...], features: SceneFeatures) -> Any:
-    """The function (kind, parameters) -> whether all lobes of a material of one of these models are deltas."""
-
-    @inline
-    def none(kind, parameters):
-        return False
-
-    if not kinds:
-        return none
-    own, rest = kinds[0], _make_only_delta(kinds[1:], features)
-    is_delta = MODELS[own].lane(features).only_delta or _never
-
-    @inline
-    def only_delta(kind, parameters):
-        return ((kind == own) & is_delta(parameters)) | rest(kind, parameters)
-
-    return only_delta
+def _only_delta(features: SceneFeatures) -> Any:
+    """The function (kind, found, parameters) -> whether all lobes of a material of one of the scene's models are deltas."""
+    return dispatch(tuple((kind, MODELS[kind].lane(features).only_delta or _never) for kind in features.bsdfs))
 
 
 @inline
@@ -202,8 +186,9 @@ def scattering_lanes(rays, max_depth):
     return lanes
 
 
-def _make_choose(features: SceneFeatures, kinds: tuple[int, ...], masks: bool, hides: bool, real: Any) -> Any:
-    only_delta, several = _make_only_delta(kinds, features), len(kinds) > 1
+def _make_choose(features: SceneFeatures, real: Any) -> Any:
+    kinds, masks, hides = features.bsdfs, features.masks, features.hidden_emitters
+    only_delta, several = _only_delta(features), len(kinds) > 1
     single, one, below_one = kinds[0] if kinds else 0, real(1), real(1.0 - np.finfo(real).epsneg)
 
     find_leaves, sample = _make_find_leaves(real), _make_sample(real)
@@ -216,7 +201,7 @@ def _make_choose(features: SceneFeatures, kinds: tuple[int, ...], masks: bool, h
         for lane in range(np.uint64(LANES)):
             kind = np.int64(rays.bsdf_model[lane]) if several else np.int64(single)
             guided = (lanes >> np.int64(lane)) & 1 != 0
-            guided = guided & (fraction < one) & (not only_delta(kind, lane_numbers(rays.bsdf, lane)))
+            guided = guided & (fraction < one) & (not only_delta(kind, False, lane_numbers(rays.bsdf, lane)))
             if masks:
                 guided = guided & (not rays.passing[lane])
             if hides:
@@ -290,15 +275,12 @@ def _make_mix(masks: bool, lit: bool, real: Any) -> Any:
 
 def stages(features: SceneFeatures, lit: bool, real: Any) -> tuple[Any, Any]:
     """(choose, mix): the stages before and behind those of the BSDFs."""
-    return (
-        _choose_stage(features.of_bsdfs, features.bsdfs, features.masks, features.hidden_emitters, real),
-        _mix_stage(features.masks, lit, real),
-    )
+    return (_choose_stage(features, real), _mix_stage(features.masks, lit, real))
 
 
-@cache
-def _choose_stage(features: SceneFeatures, kinds: tuple[int, ...], masks: bool, hides: bool, real: Any) -> Any:
-    return compile_stage(_make_choose(features, kinds, masks, hides, real))
+@per_features
+def _choose_stage(features: SceneFeatures, real: Any) -> Any:
+    return compile_stage(_make_choose(features, real))
 
 
 @cache

@@ -12,7 +12,7 @@ from engines.kernels.compile.masks import EVERY_LANE, lanes_where
 from engines.kernels.compile.records import Row, address_of
 from engines.kernels.compile.row_loads import AT_ONCE, row_loads
 from engines.kernels.compile.values import keep_scalar, select
-from engines.kernels.features import SceneFeatures
+from engines.kernels.features import SceneFeatures, per_features
 from engines.kernels.flatten import lights, materials
 from engines.kernels.flatten.shapes import PLANE, SPHERE, TRIANGLE
 from engines.kernels.layout import (
@@ -118,7 +118,7 @@ class Kinds(NamedTuple):
     analytic: int
 
 
-@cache
+@per_features
 def _make_find_kinds(features: SceneFeatures) -> Any:
     """The function (rays, hits) -> Kinds, of the kinds of shapes that the lanes hold."""
     triangles, spheres, planes = features.triangles, features.spheres, features.planes
@@ -140,7 +140,7 @@ def _make_find_kinds(features: SceneFeatures) -> Any:
     return kinds
 
 
-@cache
+@per_features
 def _make_load_shapes(features: SceneFeatures, real: Any) -> Any:
     """The function (rays, scene, kinds) that copies the geometry of the primitives hit, whose indices among those of their kind
     are kept: of each kind that some lane has hit. Lanes that hit another read the first row."""
@@ -173,7 +173,7 @@ def _make_load_shapes(features: SceneFeatures, real: Any) -> Any:
     return load
 
 
-@cache
+@per_features
 def _make_choices(features: SceneFeatures, real: Any) -> Any:
     """The function (rays, lane, scene, light) -> 1 / the probability with which the light that was hit would have been chosen
     at the last vertex, which is still in the batch; 1 where nobody asks: of camera rays, and after a specular event."""
@@ -205,7 +205,7 @@ def area_lights(features: SceneFeatures) -> tuple[int, ...]:
     return tuple(kind for kind in features.lights if lights.MODELS[kind].pdf is not None)
 
 
-@cache
+@per_features
 def _make_load_primitives(features: SceneFeatures) -> Any:
     """The function (rays, scene) that copies kind, index, material and light of each lane's primitive, whose id is kept. Where
     there are triangles alone, their indices are their ids: one cache miss less."""
@@ -235,7 +235,7 @@ def _keep_ids(rays):
     return _not_negative(rays.primitive)
 
 
-@cache
+@per_features
 def _make_load_lights(features: SceneFeatures, real: Any) -> Any:
     """The function (rays, scene, hits) that copies what the scene holds of the lights that the lanes in the word have hit."""
     parameters = max((lights.MODELS[kind].parameters for kind in area_lights(features)), default=0)
@@ -260,7 +260,7 @@ def _make_load_lights(features: SceneFeatures, real: Any) -> Any:
     return load
 
 
-@cache
+@per_features
 def make_load_hit(features: SceneFeatures, real: Any) -> Any:
     """The function (rays, scene) -> Kinds that copies what the scene holds of the primitives that the lanes hit; nothing where
     no lane hits any."""

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from engines.kernels.compile.dispatch import dispatch
 from engines.kernels.compile.jit import compile_stage, inline
 from engines.kernels.compile.masks import EVERY_LANE, lanes_where
 from engines.kernels.compile.records import address_of, lane_numbers, prefetch
@@ -14,8 +15,8 @@ from engines.kernels.compile.values import keep_scalar, lowest_bit, select
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten.lights import IMAGE_ENVIRONMENT, MESH, MODELS
 from engines.kernels.integrators.path_tracer import LIGHT_CANDIDATES
-from engines.kernels.lane.lights.sample import Light, LightSample, choose
-from engines.kernels.lane.vector import Vec3, select3, to_real
+from engines.kernels.lane.lights.sample import Light, LightSample
+from engines.kernels.lane.vector import Vec3, to_real
 from engines.kernels.layout import LANES, LightRow, MaterialRow, PrimitiveRow, ray_batch, scene_table
 from engines.kernels.stages import emission, environment, light_cells, light_hierarchy, resampling
 from engines.kernels.stages.hit_loads import lane_number, load_corners, load_vertices, make_load_rows
@@ -37,26 +38,6 @@ class Selection(NamedTuple):
     """That one by the hierarchy."""
     cells: bool
     """That one by cells."""
-
-
-@cache
-def _make_sample(kinds: tuple[int, ...]) -> Any:
-    """The function (kind, light, p, normal, u0, u1, found) -> sample of a light of one of these kinds, else `found`."""
-
-    @inline
-    def none(kind, light, p, normal, u0, u1, found):
-        return found
-
-    if not kinds:
-        return none
-    own, sample, rest = kinds[0], MODELS[kinds[0]].sample, _make_sample(kinds[1:])
-
-    @inline
-    def chosen(kind, light, p, normal, u0, u1, found):
-        found = choose(kind == own, sample(light, p, normal, u0, u1), found)
-        return rest(kind, light, p, normal, u0, u1, found)
-
-    return chosen
 
 
 @cache
@@ -165,7 +146,7 @@ def _make_sample_one(kinds: tuple[int, ...], selection: Selection, turned: bool,
     zero, one, infinite = real(0), real(1), real(np.inf)
     load, every = _make_load(kinds, selection, real), selection.every
     weighted = selection.power or selection.hierarchy or selection.cells
-    sample_light = _make_sample(tuple(kind for kind in kinds if kind != IMAGE_ENVIRONMENT))
+    sample_light = dispatch(tuple((kind, MODELS[kind].sample) for kind in kinds if kind != IMAGE_ENVIRONMENT))
     image_environment = IMAGE_ENVIRONMENT in kinds
 
     @inline
@@ -188,7 +169,7 @@ def _make_sample_one(kinds: tuple[int, ...], selection: Selection, turned: bool,
             )
             sample = LightSample(Vec3(zero, zero, one), infinite, Vec3(zero, zero, zero), infinite)
             u0, u1 = rays.draw[0, lane], rays.draw[1, lane]
-            sample = sample_light(rays.light_kind[lane], light, rays.point[lane], rays.normal[lane], u0, u1, sample)
+            sample = sample_light(rays.light_kind[lane], sample, light, rays.point[lane], rays.normal[lane], u0, u1)
             rays.wi[lane] = sample.wi
             rays.light_distance[lane] = sample.distance
             rays.li[lane] = sample.radiance * (one / share)
@@ -296,7 +277,7 @@ def _image_environment(rays, scene, share, turned, real):
         if turned:
             wi = environment.to_scene(axes, wi)
         rays.kept[2, lane] = sine
-        rays.wi[lane] = select3((lanes >> np.int64(lane)) & 1 != 0, to_real(wi, real), rays.wi[lane])
+        rays.wi[lane] = select((lanes >> np.int64(lane)) & 1 != 0, to_real(wi, real), rays.wi[lane])
     while lanes != 0:
         lane = np.uint64(lowest_bit(lanes))
         lanes &= lanes - 1

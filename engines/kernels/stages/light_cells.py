@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from engines.kernels.compile.jit import inline
-from engines.kernels.compile.values import const, select
+from engines.kernels.compile.values import select
 from engines.kernels.flatten.light_samplers import SIDES, STEPS
 from engines.kernels.layout import LANES
 
@@ -16,9 +16,8 @@ NUMBERS, OWN = 4, 2
 @inline
 def _place(x, low, inverse, count):
     """The place along an axis, as a whole real number; 0 of NaN."""
-    zero = const(0.0, x)
-    place, last = np.floor((x - low) * inverse), count - const(1.0, x)
-    place = select(place > zero, place, zero)
+    place, last = np.floor((x - low) * inverse), count - 1.0
+    place = select(place > 0.0, place, 0.0)
     return select(place < last, place, last)
 
 
@@ -34,7 +33,7 @@ def _part(scene, p, normal):
     first, second = (ax >= ay) & (ax >= az), ay >= az
     along = select(first, normal.x, select(second, normal.y, normal.z))
     axis = select(first, np.int32(0), select(second, np.int32(2), np.int32(4)))
-    return np.int32(cell * np.int32(SIDES) + axis + select(along > const(0.0, along), np.int32(1), np.int32(0)))
+    return np.int32(cell * np.int32(SIDES) + axis + select(along > 0.0, np.int32(1), np.int32(0)))
 
 
 @inline

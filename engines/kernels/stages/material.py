@@ -7,15 +7,15 @@ vertex's random numbers and the lights, writes the model and its parameters, the
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from engines.kernels.compile.dispatch import dispatch
 from engines.kernels.compile.jit import compile_stage, inline
 from engines.kernels.compile.records import lane_numbers
 from engines.kernels.compile.values import lowest_bit
-from engines.kernels.features import SceneFeatures
+from engines.kernels.features import SceneFeatures, per_features
 from engines.kernels.flatten.lookups import LUMINANCE
 from engines.kernels.flatten.programs import BLEND, BUMP, LEAF, MASK, PREFETCHED, SIDES, THROUGH
 from engines.kernels.flatten.shapes import PLANE, SPHERE, analytic_shape
@@ -28,31 +28,7 @@ from engines.kernels.lane.vector import Vec3, dot, to_float64
 from engines.kernels.layout import BSDF_PARAMETERS, LANES, ray_batch, scene_table
 from engines.kernels.stages.textures import color_at, gradient_at, luminance, prefetch_texels
 
-_FEATURES = ("triangles", "spheres", "planes", "analytic", "tangents", "textures", "uvs", "choices", "masks", "tilts")
-
-
 # ---- texture coordinates -----------------------------------------------------------------------------------------------
-
-
-@cache
-def make_analytic(kinds: tuple[int, ...]) -> Any:
-    """The function (kind, p, parameters, found) -> coordinates on an analytic shape of these kinds, else `found`."""
-
-    @inline
-    def none(kind, p, parameters, found):
-        return found
-
-    if not kinds:
-        return none
-    own, rest, coordinates = kinds[0], make_analytic(kinds[1:]), analytic_shape(kinds[0]).lane.coordinates
-
-    @inline
-    def chosen(kind, p, parameters, found):
-        if kind == own:
-            return coordinates(p, parameters)
-        return rest(kind, p, parameters, found)
-
-    return chosen
 
 
 @inline
@@ -60,11 +36,16 @@ def _vertex_uv(row):
     return VertexUV(row.u, row.v)
 
 
-@cache
+def analytic_coordinates(kinds: tuple[int, ...]) -> Any:
+    """The function (kind, found, p, parameters) -> coordinates on an analytic shape of these kinds, else `found`."""
+    return dispatch(tuple((kind, analytic_shape(kind).lane.coordinates) for kind in kinds), branches=True)
+
+
+@per_features
 def _make_coordinates(features: SceneFeatures) -> Any:
     """The function (rays, lane, scene) -> coordinates of the lane's hit, in float64."""
     triangles, spheres, planes, uvs = features.triangles, features.spheres, features.planes, features.uvs
-    has_analytic, analytic = len(features.analytic) > 0, make_analytic(features.analytic)
+    has_analytic, analytic = len(features.analytic) > 0, analytic_coordinates(features.analytic)
 
     @inline
     def on_triangle(rays, lane, scene):
@@ -89,7 +70,7 @@ def _make_coordinates(features: SceneFeatures) -> Any:
                 return plane.coordinates(p, Vec3(x, y, z), Vec3(a, b, c))
         if has_analytic and kind > PLANE:
             none = Vec3(0.0, 0.0, 0.0)
-            return analytic(kind, p, lane_numbers(rays.shape_parameters, lane), Coordinates(0.0, 0.0, none, none))
+            return analytic(kind, Coordinates(0.0, 0.0, none, none), p, lane_numbers(rays.shape_parameters, lane))
         if triangles:
             return on_triangle(rays, lane, scene)
         none = Vec3(0.0, 0.0, 0.0)
@@ -164,7 +145,7 @@ def tilted(scene, node, kind, frame, before, at, front, ng, wo):
     return found, frame.normal
 
 
-@cache
+@per_features
 def _make_walk(features: SceneFeatures) -> Any:
     """The function (scene, first node, u, at, front, ng, wo, frame) -> State at the leaf."""
     textures, choices, masks, tilts = features.textures, features.choices, features.masks, features.tilts
@@ -214,7 +195,7 @@ def look_up(rays, lane, scene, leaf, at):
 # ---- the stage ---------------------------------------------------------------------------------------------------------
 
 
-@cache
+@per_features
 def make_locate(features: SceneFeatures) -> Any:
     """The function (rays, scene, lanes) that keeps the coordinates of the hits of these lanes, and prefetches texels that
     their programs may read there."""
@@ -259,8 +240,8 @@ def _lanes_with_program(rays, scene):
     return lanes
 
 
-def _make(features: SceneFeatures, several: bool, real: Any) -> Any:
-    """`several`: the scene has several models."""
+def _make(features: SceneFeatures, real: Any) -> Any:
+    several = len(features.bsdfs) > 1
     textures, uvs, tangents = features.textures, features.uvs, features.tangents
     choices, masks, tilts = features.choices, features.masks, features.tilts
     located, below_one = textures or uvs or tangents, 1.0 - float(np.finfo(real).epsneg)
@@ -321,9 +302,9 @@ def stage(features: SceneFeatures, uses: Uses, real: Any) -> Any:
     """The material stage of a scene; None where no material has a program, or nobody asks for the BSDF."""
     if not features.programs or not any(uses):
         return None
-    return _stage(features.only(*_FEATURES), len(features.bsdfs) > 1, real)
+    return _stage(features, real)
 
 
-@cache
-def _stage(features: SceneFeatures, several: bool, real: Any) -> Any:
-    return compile_stage(_make(features, several, real))
+@per_features
+def _stage(features: SceneFeatures, real: Any) -> Any:
+    return compile_stage(_make(features, real))

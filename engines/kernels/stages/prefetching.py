@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.records import address_of, prefetch
 from engines.kernels.compile.values import keep_scalar, select
-from engines.kernels.features import SceneFeatures
+from engines.kernels.features import SceneFeatures, per_features
 from engines.kernels.flatten.shapes import TRIANGLE
 from engines.kernels.layout import LANES
 
@@ -18,7 +17,7 @@ NEAR_TRIANGLES = 4096
 """So many triangles are in a near cache; what is read of more is prefetched."""
 
 
-@cache
+@per_features
 def make_prefetch(features: SceneFeatures, real: Any) -> Any:
     """The function (rays, scene) that starts loading what the scene holds of the triangles hit. One thing leads to the
     next, and a lane alone would wait for each: here all sixteen wait at once."""

@@ -6,9 +6,9 @@ from __future__ import annotations
 import numpy as np
 
 from engines.kernels.compile.jit import inline
-from engines.kernels.compile.values import const, select
+from engines.kernels.compile.values import select
 from engines.kernels.integrators.path_tracer import BSDF_ONLY, DIRECT_OPTION
-from engines.kernels.lane.vector import Vec3, dot, select3
+from engines.kernels.lane.vector import Vec3, dot
 from engines.kernels.layout import LANES
 
 STEPS = (12664746, 9560334)
@@ -55,9 +55,9 @@ def store_targets(rays, scene, candidate, real):
     delta_only = scene.options[DIRECT_OPTION] == BSDF_ONLY
     for lane in range(np.uint64(LANES)):
         wi, li, pdf = rays.wi[lane], rays.li[lane], rays.light_sample_pdf[lane]
-        luminance = const(0.212671, zero) * li.x + const(0.715160, zero) * li.y + const(0.072169, zero) * li.z
+        luminance = 0.212671 * li.x + 0.715160 * li.y + 0.072169 * li.z
         reaches = (pdf > zero) & (through | (dot(rays.geometric_normal[lane], wi) > zero))
-        reaches = reaches & ((not delta_only) | (pdf > const(HUGE, zero)))
+        reaches = reaches & ((not delta_only) | (pdf > HUGE))
         rays.targets[candidate, lane] = select(reaches, luminance * abs(dot(rays.normal[lane], wi)), zero)
 
 
@@ -91,5 +91,5 @@ def weigh(rays, count, real):
         total = rays.target_sum[lane]
         nothing = total == zero
         scaled = rays.li[lane] * (total * share / rays.target[lane])
-        rays.li[lane] = select3(nothing, Vec3(zero, zero, zero), scaled)
+        rays.li[lane] = select(nothing, Vec3(zero, zero, zero), scaled)
         rays.light_sample_pdf[lane] = select(nothing, zero, rays.light_sample_pdf[lane])

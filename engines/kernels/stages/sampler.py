@@ -100,8 +100,8 @@ def _of_plugin(function: Any, options: tuple[float, ...], real: Any) -> Any:
         dimension, sample, pixel = rays.dimension[lane], rays.sample[lane], rays.pixel[lane]
         u = drawn(np.uint32(pixel), np.uint32(sample), np.uint32(dimension + k), seed_key)
         # draws become places in tables, so one that is not in [0, 1), NaN among them, must not get through
-        u = u if u >= const(0.0, u) else const(0.0, u)
-        return real(min(u, const(1.0, u) - const(2.0**-24, u)))
+        u = u if u >= 0.0 else 0.0
+        return real(min(u, 1.0 - const(2.0**-24, u)))
 
     return value
 

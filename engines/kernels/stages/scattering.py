@@ -12,14 +12,14 @@ from __future__ import annotations
 
 import math
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from engines.kernels.compile.jit import compile_stage, inline
 from engines.kernels.compile.records import lane_numbers
 from engines.kernels.compile.values import const, select
-from engines.kernels.features import SceneFeatures
+from engines.kernels.features import SceneFeatures, per_features
 from engines.kernels.flatten.materials import MODELS
 from engines.kernels.integrators.interface import Draws, SurfaceInteraction, Uses
 from engines.kernels.lane.bsdf.interface import (
@@ -32,7 +32,7 @@ from engines.kernels.lane.bsdf.interface import (
     no_sample,
 )
 from engines.kernels.lane.tilt import is_consistent, terminator
-from engines.kernels.lane.vector import Vec3, dot, select3
+from engines.kernels.lane.vector import Vec3, dot
 from engines.kernels.layout import LANES, ray_batch, scene_table
 
 
@@ -85,59 +85,34 @@ def _tilted_sample(rays, lane, sample):
 @inline
 def _straight_on(si, share):
     one = const(1.0, si.t)
-    return BSDFSample(si.direction, Spectrum(Vec3(one, one, one), share), const(math.inf, one), True, True)
-
-
-@inline
-def _select_sample(condition, yes, no):
-    return BSDFSample(
-        select3(condition, yes.wi, no.wi),
-        Spectrum(select3(condition, yes.weight.color, no.weight.color), select(condition, yes.weight.scale, no.weight.scale)),
-        select(condition, yes.pdf, no.pdf),
-        select(condition, yes.transmitted, no.transmitted),
-        select(condition, yes.valid, no.valid),
-    )
+    return BSDFSample(si.direction, Spectrum(Vec3(one, one, one), share), math.inf, True, True)
 
 
 @inline
 def _masked_sample(rays, lane, si, sample):
     """The model's sample as far as the surface is there, else the ray itself."""
     found = BSDFSample(sample.wi, sample.weight, sample.pdf * rays.opacity[lane], sample.transmitted, sample.valid)
-    return _select_sample(rays.passing[lane], _straight_on(si, const(1.0, si.t)), found)
+    return select(rays.passing[lane], _straight_on(si, const(1.0, si.t)), found)
 
 
 @inline
 def _beyond_mask(rays, lane, si, transmission):
     """Of the lobes apart: what a mask lets through takes the place of the refraction."""
-    one, opacity = const(1.0, si.t), rays.opacity[lane]
-    return _select_sample(opacity < one, _straight_on(si, one - opacity), transmission)
+    opacity = rays.opacity[lane]
+    return select(opacity < 1.0, _straight_on(si, 1.0 - opacity), transmission)
 
 
 @inline
 def _unless_absent(absent, si, value, sample, eta_scale):
     """(value, sample, eta_scale), and where the surface is absent those of nothing."""
-    zero, one = const(0.0, si.t), const(1.0, si.t)
-    value = Spectrum(value.color, select(absent, zero, value.scale))
-    return value, _select_sample(absent, _straight_on(si, one), sample), select(absent, one, eta_scale)
+    one = const(1.0, si.t)
+    value = Spectrum(value.color, select(absent, 0.0, value.scale))
+    return value, select(absent, _straight_on(si, one), sample), select(absent, one, eta_scale)
 
 
-class Around(NamedTuple):
-    """What acts around a model's functions."""
-
-    masks: bool
-    tilts: bool
-    hides: bool
-    """Emitters may hide from the camera."""
-    tells_null: bool
-    """Samples of null lobes are told from others."""
-    guided: bool
-    """Directions may be sampled by an SD-tree, before the BSDF is asked for its value there."""
-
-
-def around(features: SceneFeatures) -> Around:
-    """What acts around the models of a scene."""
-    tells_null = features.transparent or (features.hidden_emitters and features.null_lobes)
-    return Around(features.masks, features.tilts, features.hidden_emitters, tells_null, features.guided)
+def tells_null(features: SceneFeatures) -> bool:
+    """Whether samples of null lobes are told from others."""
+    return features.transparent or (features.hidden_emitters and features.null_lobes)
 
 
 @cache
@@ -146,11 +121,11 @@ def _make_value(evaluate: Any, pdf_of: Any, masks: bool, tilts: bool) -> Any:
 
     @inline
     def value_at(rays, lane, si, parameters, wi):
-        value, pdf, zero = evaluate(parameters, si, wi), pdf_of(parameters, si, wi), const(0.0, si.t)
+        value, pdf = evaluate(parameters, si, wi), pdf_of(parameters, si, wi)
         if tilts:
             there, factor = _tilt_at(rays, lane, wi)
-            value = Spectrum(value.color, select(there, value.scale * factor, zero))
-            pdf = select(there, pdf, zero)
+            value = Spectrum(value.color, select(there, value.scale * factor, 0.0))
+            pdf = select(there, pdf, 0.0)
         if masks:
             value, pdf = Spectrum(value.color, value.scale * rays.opacity[lane]), pdf * rays.opacity[lane]
         return value, pdf
@@ -161,15 +136,15 @@ def _make_value(evaluate: Any, pdf_of: Any, masks: bool, tilts: bool) -> Any:
 @inline
 def _towards(si, wi, value, pdf):
     """A direction that no model has sampled, as a sample of weight f cos, the density of which follows (`stages.guiding`)."""
-    zero = const(0.0, si.t)
-    return BSDFSample(wi, value, pdf, dot(si.normal, wi) < zero, value.scale > zero)
+    return BSDFSample(wi, value, pdf, dot(si.normal, wi) < 0.0, value.scale > 0.0)
 
 
-@cache
-def _make_scatter(kind: int, features: SceneFeatures, wrapping: Around, uses: Uses) -> Any:
+@per_features
+def _make_scatter(features: SceneFeatures, kind: int, uses: Uses) -> Any:
     """The function (rays, lane, si, draws) -> Scattering of the model `kind`, as far as an integrator uses it."""
     bsdf, light_through = MODELS[kind].lane(features), features.transmission
-    (masks, tilts, hides, tells_null, guided), crosses = wrapping, bsdf.transmittance is not None
+    masks, tilts, hides, guided = features.masks, features.tilts, features.hidden_emitters, features.guided
+    crosses, asks_null = bsdf.transmittance is not None, tells_null(features)
     sample_of, albedos, value_at = bsdf.sample, bsdf.albedos, _make_value(bsdf.evaluate, bsdf.pdf, masks, tilts)
     bends, ior = bsdf.ior is not None, bsdf.ior or 0
     use_value, use_sample, use_specular, use_albedos = uses
@@ -194,10 +169,10 @@ def _make_scatter(kind: int, features: SceneFeatures, wrapping: Around, uses: Us
                 sample = _masked_sample(rays, lane, si, sample)
             if guided:
                 found = _towards(si, rays.guide_wi[lane], *value_at(rays, lane, si, parameters, rays.guide_wi[lane]))
-                sample = _select_sample(rays.guided[lane], found, sample)
+                sample = select(rays.guided[lane], found, sample)
                 if bends:
                     eta_scale = select(rays.guided[lane], _eta_scale(si, parameters[ior], found.transmitted), eta_scale)
-            if tells_null:
+            if asks_null:
                 null = (crosses & sample.transmitted) | (masks & rays.passing[lane])
             if hides:
                 value, sample, eta_scale = _unless_absent(rays.absent[lane], si, value, sample, eta_scale)
@@ -215,7 +190,7 @@ def _make_scatter(kind: int, features: SceneFeatures, wrapping: Around, uses: Us
             diffuse, albedo = albedos(parameters, si)
             if masks:
                 diffuse = diffuse * rays.opacity[lane]
-            diffuse, albedo = select3(si.miss, none, diffuse), select3(si.miss, none, albedo)
+            diffuse, albedo = select(si.miss, none, diffuse), select(si.miss, none, albedo)
         through = light_through & (dot(si.normal, wi) < zero)
         return Scattering(value, pdf, sample, reflection, transmission, diffuse, albedo, through, null, eta_scale)
 
@@ -224,8 +199,7 @@ def _make_scatter(kind: int, features: SceneFeatures, wrapping: Around, uses: Us
 
 @inline
 def _eta_scale(si, ior, refracted):
-    one = const(1.0, si.t)
-    eta = select(refracted, select(si.front, ior, one / ior), one)
+    eta = select(refracted, select(si.front, ior, 1.0 / ior), 1.0)
     return eta * eta
 
 
@@ -235,8 +209,8 @@ def _make_load_scattering(light_through: bool, bends: bool) -> Any:
 
     @inline
     def load(rays, lane, si, draws):
-        through = light_through & (dot(si.normal, rays.wi[lane]) < const(0.0, si.t))
-        eta_scale = rays.sample_eta_scale[lane] if bends else const(1.0, si.t)
+        through = light_through & (dot(si.normal, rays.wi[lane]) < 0.0)
+        eta_scale = rays.sample_eta_scale[lane] if bends else 1.0
         return _load_scattering(rays, lane, si, through, eta_scale)
 
     return load
@@ -244,7 +218,6 @@ def _make_load_scattering(light_through: bool, bends: bool) -> Any:
 
 @inline
 def _load_scattering(rays, lane, si, through, eta_scale):
-    zero = const(0.0, si.t)
     return Scattering(
         Spectrum(rays.value_color[lane], rays.value_scale[lane]),
         rays.value_pdf[lane],
@@ -258,14 +231,14 @@ def _load_scattering(rays, lane, si, through, eta_scale):
         BSDFSample(
             rays.reflection_wi[lane],
             Spectrum(rays.reflection_color[lane], rays.reflection_scale[lane]),
-            zero,
+            0.0,
             False,
             rays.reflection_valid[lane],
         ),
         BSDFSample(
             rays.transmission_wi[lane],
             Spectrum(rays.transmission_color[lane], rays.transmission_scale[lane]),
-            zero,
+            0.0,
             rays.transmission_through[lane],
             rays.transmission_valid[lane],
         ),
@@ -279,7 +252,7 @@ def _load_scattering(rays, lane, si, through, eta_scale):
 
 def refracts(features: SceneFeatures) -> bool:
     """Whether some model of the scene bends what it transmits."""
-    return features.guided or any(MODELS[kind].lane(features.of_bsdfs).ior is not None for kind in features.bsdfs)
+    return features.guided or any(MODELS[kind].lane(features).ior is not None for kind in features.bsdfs)
 
 
 def in_stages(features: SceneFeatures) -> bool:
@@ -292,14 +265,14 @@ def make_scattering(features: SceneFeatures, uses: Uses) -> Any:
     if in_stages(features):
         return _make_load_scattering(features.transmission, uses.sample and refracts(features))
     kind = features.bsdfs[0] if features.bsdfs else 0
-    return _make_scatter(kind, features.of_bsdfs, around(features), uses)
+    return _make_scatter(features, kind, uses)
 
 
-def _make(kind: int, alone: bool, features: SceneFeatures, wrapping: Around, bends: bool, uses: Uses, real: Any) -> Any:
-    """`alone`: the scene has no other model."""
-    scatter = _make_scatter(kind, features, wrapping, uses)
+def _make(features: SceneFeatures, kind: int, uses: Uses, real: Any) -> Any:
+    scatter, alone = _make_scatter(features, kind, uses), len(features.bsdfs) == 1
+    bends = uses.sample and refracts(features)
     use_value, use_sample, use_specular, use_albedos = uses
-    stores_null = wrapping.tells_null or wrapping.hides
+    stores_null = tells_null(features) or features.hidden_emitters
 
     def scattering(batch, scene_address):
         rays, scene, hits = ray_batch(batch, real), scene_table(scene_address, real), np.int64(0)
@@ -346,10 +319,9 @@ def stages(features: SceneFeatures, uses: Uses, real: Any) -> list[Any]:
     """One stage for each model of a scene that has several, or whose paths are guided; else none."""
     if not in_stages(features) or not any(uses):
         return []
-    concern = features.of_bsdfs, around(features), uses.sample and refracts(features), uses, real
-    return [_stage(kind, len(features.bsdfs) == 1, *concern) for kind in features.bsdfs]
+    return [_stage(features, kind, uses, real) for kind in features.bsdfs]
 
 
-@cache
-def _stage(kind: int, alone: bool, features: SceneFeatures, wrapping: Around, bends: bool, uses: Uses, real: Any) -> Any:
-    return compile_stage(_make(kind, alone, features, wrapping, bends, uses, real))
+@per_features
+def _stage(features: SceneFeatures, kind: int, uses: Uses, real: Any) -> Any:
+    return compile_stage(_make(features, kind, uses, real))

@@ -20,7 +20,7 @@ from engines.kernels.integrators import albedo, depth_map, no_shadows, path_trac
 from engines.kernels.integrators.interface import Integrator, Path, SurfaceInteraction, Uses
 from engines.kernels.lane.lights.sample import LightSample
 from engines.kernels.lane.sampling import cosine_pdf
-from engines.kernels.lane.vector import Vec3, dot, length, select3
+from engines.kernels.lane.vector import Vec3, dot, length
 from engines.kernels.layout import (
     CAMERA_DIMENSIONS,
     LANES,
@@ -160,18 +160,18 @@ def _store_shadow_ray(rays, lane, si, light, direct, offset, share, working, sha
     light that is seen from the side too early. It starts on the side of the surface where the light is."""
     step = offset
     if shading.through:
-        step = select(dot(si.geometric_normal, light.wi) < const(0.0, offset), -offset, offset)
+        step = select(dot(si.geometric_normal, light.wi) < 0.0, -offset, offset)
     rays.shadow_origin[lane] = si.point + si.geometric_normal * step
     zero, infinite = const(0.0, offset), const(math.inf, offset)
     sent = working & (not ((direct.x <= zero) & (direct.y <= zero) & (direct.z <= zero)))  # NaN is sent, to be counted
-    rays.direct[lane] = select3(sent, direct, Vec3(zero, zero, zero))
+    rays.direct[lane] = select(sent, direct, Vec3(zero, zero, zero))
     aim = light.wi * light.distance - si.geometric_normal * step
     way, endless = length(aim), light.distance == infinite
-    rays.wi[lane] = select3(endless, light.wi, aim * (const(1.0, way) / way))
+    rays.wi[lane] = select(endless, light.wi, aim * (1.0 / way))
     if shading.transparent:
         rays.destination[lane] = si.point + light.wi * light.distance
     way = select(endless, infinite, way * share - offset)
-    rays.shadow_t_max[lane] = select(sent & shading.shadows, way, const(-1.0, way))
+    rays.shadow_t_max[lane] = select(sent & shading.shadows, way, -1.0)
 
 
 @cache
@@ -198,16 +198,16 @@ def make_left(curved: tuple[int, ...]) -> Any:
 def _store_next_ray(rays, lane, si, path, result, goes, offset, per_vertex, following, depth, left):
     """The ray that goes on, from the side of the surface on which it leaves."""
     step = select(result.transmitted, -offset, offset)
-    rays.origin[lane] = select3(goes, si.point + si.geometric_normal * step, si.origin)
-    rays.direction[lane] = select3(goes, result.direction, si.direction)
-    rays.throughput[lane] = select3(goes, result.throughput, path.throughput)
+    rays.origin[lane] = select(goes, si.point + si.geometric_normal * step, si.origin)
+    rays.direction[lane] = select(goes, result.direction, si.direction)
+    rays.throughput[lane] = select(goes, result.throughput, path.throughput)
     rays.pdf[lane] = select(goes, result.pdf, path.pdf)
     rays.cosine_pdf[lane] = cosine_pdf(si.normal, result.direction)
     rays.origin_primitive[lane] = left(rays, lane)
     depth = select(goes, depth + 1, depth)
     rays.depth[lane] = depth
     rays.dimension[lane] = CAMERA_DIMENSIONS + VERTEX_DIMENSIONS * ((depth - 1) * per_vertex + following)
-    rays.t[lane] = select(goes, const(math.inf, offset), const(-1.0, offset))
+    rays.t[lane] = select(goes, math.inf, -1.0)
 
 
 @inline
@@ -215,11 +215,11 @@ def _store_crossing_ray(rays, lane, si, path, result, crosses, null, goes, offse
     """`_store_next_ray` where rays may cross surfaces that are no vertices: depth and last vertex stay where one `crosses`."""
     dimension = rays.dimension[lane]
     first, pdf = dimension == CAMERA_DIMENSIONS, rays.cosine_pdf[lane]
-    crossed = select(first, const(0.0, offset), rays.crossed[lane]) + si.t
-    rays.crossed[lane] = select(goes & crosses, crossed, const(0.0, offset))
+    crossed = select(first, 0.0, rays.crossed[lane]) + si.t
+    rays.crossed[lane] = select(goes & crosses, crossed, 0.0)
     rays.scattered[lane] = goes & ((rays.scattered[lane] & (not first)) | (not null))
-    rays.vertex_point[lane] = select3(crosses, rays.vertex_point[lane], si.point)
-    rays.vertex_normal[lane] = select3(crosses, rays.vertex_normal[lane], si.geometric_normal)
+    rays.vertex_point[lane] = select(crosses, rays.vertex_point[lane], si.point)
+    rays.vertex_normal[lane] = select(crosses, rays.vertex_normal[lane], si.geometric_normal)
     _store_next_ray(rays, lane, si, path, result, goes, offset, 1, 0, depth, left)
     rays.cosine_pdf[lane] = select(crosses, pdf, rays.cosine_pdf[lane])
     rays.depth[lane] = select(crosses, depth, rays.depth[lane])
@@ -262,7 +262,7 @@ def _store(rays, lane, before, result, crosses, null, n_lights, shading, left, s
     if shading.every:
         per_vertex = n_lights
         light, stays = _next_light(rays, lane, working, si.miss, n_lights)
-    added = select3(working & (light == 0), result.radiance, Vec3(real(0), real(0), real(0)))
+    added = select(working & (light == 0), result.radiance, Vec3(real(0), real(0), real(0)))
     rays.radiance[lane] = rays.radiance[lane] + added
     offset = rays.offset[lane]
     if shading.lit:

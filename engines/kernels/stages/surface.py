@@ -6,21 +6,21 @@ Distance and point are computed here, from the primitive, so they are the same w
 from __future__ import annotations
 
 import math
-from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from engines.kernels.compile.dispatch import dispatch
 from engines.kernels.compile.jit import compile_stage, inline
 from engines.kernels.compile.records import lane_numbers
 from engines.kernels.compile.values import const, lowest_bit, select
-from engines.kernels.features import SceneFeatures
+from engines.kernels.features import SceneFeatures, per_features
 from engines.kernels.flatten import lights
 from engines.kernels.flatten.shapes import PLANE, SPHERE, TRIANGLE, analytic_shape
 from engines.kernels.lane.shapes import plane, sphere, triangle
-from engines.kernels.lane.shapes.intersection import ShapeIntersection, choose
-from engines.kernels.lane.vector import Vec3, dot, extent, largest, select3, sin_cos_turn, to_float64
+from engines.kernels.lane.shapes.intersection import ShapeIntersection
+from engines.kernels.lane.vector import Vec3, dot, extent, largest, sin_cos_turn, to_float64
 from engines.kernels.layout import CAMERA_DIMENSIONS, LANES, MarginRow, ray_batch, scene_table
 from engines.kernels.stages import environment
 from engines.kernels.stages.emission import make_hits
@@ -30,25 +30,6 @@ OFFSET_ULPS = 256.0
 """New rays start this many machine epsilons of the largest coordinate away from the surface."""
 
 _SHAPES = ("triangles", "spheres", "planes", "analytic")
-_FEATURES = (
-    *_SHAPES,
-    "smooth",
-    "bsdfs",
-    "diffuse",
-    "mirror",
-    "refraction",
-    "tangents",
-    "emission",
-    "lights",
-    "turned_environment",
-    "uvs",
-    "power_lights",
-    "light_hierarchy",
-    "light_cells",
-    "transparent",
-    "hidden_emitters",
-    "textured_emission",
-)
 _MATERIALS = (*_SHAPES, "smooth", "bsdfs", "diffuse", "mirror", "refraction", "tangents", "uvs")
 
 
@@ -56,27 +37,6 @@ def margins(tracing: Any) -> NDArray[np.float64]:
     """The row (1, 2) of `SceneTable.margins`, by the precision in which rays are traced."""
     share = OFFSET_ULPS * float(np.finfo(tracing).eps)
     return np.array([MarginRow.packed(offset=share, shadow_share=1.0 - share)])
-
-
-@cache
-def _make_analytic(kinds: tuple[int, ...], real: Any) -> Any:
-    """The function (parameters, kind, o, d, found) -> intersection with an analytic shape of these kinds, else
-    `found`."""
-
-    @inline
-    def none(parameters, kind, o, d, found):
-        return found
-
-    if not kinds:
-        return none
-    own, rest, intersection = kinds[0], _make_analytic(kinds[1:], real), analytic_shape(kinds[0]).lane.intersection
-
-    @inline
-    def chosen(parameters, kind, o, d, found):
-        found = choose(kind == own, intersection(o, d, parameters, real), found)
-        return rest(parameters, kind, o, d, found)
-
-    return chosen
 
 
 @inline
@@ -95,7 +55,7 @@ def _load_found(rays, lane, smooth, tangents, none):
 @inline
 def _keep_found(rays, lane, own, found, smooth, tangents, none):
     """Keeps an intersection in the fields of what it becomes, where `own` holds."""
-    found = choose(own, found, _load_found(rays, lane, smooth, tangents, none))
+    found = select(own, found, _load_found(rays, lane, smooth, tangents, none))
     rays.t[lane] = found.t
     rays.offset[lane] = found.scale
     rays.u[lane] = found.u
@@ -123,11 +83,12 @@ def _on_triangle(rays, lane, o, d, smooth):
     )
 
 
-@cache
+@per_features
 def _make_meet(features: SceneFeatures, real: Any) -> Any:
     """The function (rays, kinds) that keeps where rays meet the primitives hit, kind by kind: most batches lack one."""
     triangles, smooth, spheres, planes = features.triangles, features.smooth, features.spheres, features.planes
-    has_analytic, analytic, tangents = (len(features.analytic) > 0, _make_analytic(features.analytic, real), features.tangents)
+    has_analytic, tangents = len(features.analytic) > 0, features.tangents
+    analytic = dispatch(tuple((kind, analytic_shape(kind).lane.intersection) for kind in features.analytic))
     zero = real(0)
 
     @inline
@@ -151,7 +112,7 @@ def _make_meet(features: SceneFeatures, real: Any) -> Any:
             for lane in range(np.uint64(LANES)):
                 kind, parameters = rays.shape[lane], lane_numbers(rays.shape_parameters, lane)
                 found = _load_found(rays, lane, smooth, tangents, none)
-                found = analytic(parameters, kind, rays.origin[lane], rays.direction[lane], found)
+                found = analytic(kind, found, rays.origin[lane], rays.direction[lane], parameters, real)
                 _keep_found(rays, lane, True, found, smooth, tangents, none)
 
     return meet
@@ -160,18 +121,17 @@ def _make_meet(features: SceneFeatures, real: Any) -> Any:
 @inline
 def _store_interaction(rays, lane, found, o, d, miss, offset_scale, tangents):
     """Writes the hit with its normals turned towards the viewer; returns whether the front was met."""
-    zero = const(0.0, found.t)
-    front = dot(d, found.normal) < zero
-    geometric = select3(front, found.normal, -found.normal)
-    normal = select3(dot(found.shading_normal, geometric) < zero, -found.shading_normal, found.shading_normal)
-    normal = select3(dot(d, normal) < zero, normal, geometric)  # one that the viewer cannot see will not do
+    front = dot(d, found.normal) < 0.0
+    geometric = select(front, found.normal, -found.normal)
+    normal = select(dot(found.shading_normal, geometric) < 0.0, -found.shading_normal, found.shading_normal)
+    normal = select(dot(d, normal) < 0.0, normal, geometric)  # one that the viewer cannot see will not do
     scale, start = extent(found.point), extent(o)
     scale = select(start > scale, start, scale)
     scale = select(found.t > scale, found.t, scale)
     scale = select(found.scale > scale, found.scale, scale)
     rays.miss[lane] = miss
     rays.front[lane] = front
-    rays.t[lane] = select(miss, const(math.inf, found.t), found.t)
+    rays.t[lane] = select(miss, math.inf, found.t)
     rays.u[lane] = found.u
     rays.v[lane] = found.v
     rays.offset[lane] = scale * offset_scale
@@ -183,34 +143,13 @@ def _store_interaction(rays, lane, found, o, d, miss, offset_scale, tangents):
     return front
 
 
-@cache
-def _make_light_pdf(kinds: tuple[int, ...]) -> Any:
-    """The function (parameters, shape, o, t, facing, choices) -> pdf with which the light sample would have chosen a
-    hit of a shape that is a light of one of these kinds; 0 of others."""
-
-    @inline
-    def none(parameters, shape, o, t, facing, choices):
-        return const(0.0, t)
-
-    if not kinds:
-        return none
-    model, rest = lights.MODELS[kinds[0]], _make_light_pdf(kinds[1:])
-    own, pdf = model.shape, model.pdf
-
-    @inline
-    def chosen(parameters, shape, o, t, facing, choices):
-        others = rest(parameters, shape, o, t, facing, choices)
-        return select(shape == own, pdf(parameters, o, t, facing, choices), others)
-
-    return chosen
-
-
-@cache
+@per_features
 def _make_emission(features: SceneFeatures) -> Any:
     """The function (rays, lane, found, front, miss, choices) -> (what the surface emits towards the viewer, the pdf with which
     the light sample would have found it)."""
     shining, weighted = area_lights(features), chooses_by_weight(features)
-    listed_shapes, light_pdf_of = len(shining) > 0, _make_light_pdf(shining)
+    listed_shapes = len(shining) > 0
+    light_pdf_of = dispatch(tuple((lights.MODELS[kind].shape, lights.MODELS[kind].pdf) for kind in shining))
     transparent, hides = features.transparent, features.hidden_emitters
 
     @inline
@@ -219,14 +158,14 @@ def _make_emission(features: SceneFeatures) -> Any:
         lit, light_pdf = (not miss) & (front | (rays.two_sided[lane] > zero)), zero
         if hides:
             lit = lit & (not _is_absent(rays, lane, miss, zero))
-        emitted = select3(lit, rays.emission[lane], Vec3(zero, zero, zero))
+        emitted = select(lit, rays.emission[lane], Vec3(zero, zero, zero))
         if listed_shapes:
             facing, listed = abs(dot(d, found.normal)), lit & (rays.primitive_light[lane] >= 0)
             parameters, shape = lane_numbers(rays.light_parameters, lane), rays.shape[lane]
             if weighted:
                 choices = rays.light_choices[lane]
             o, way = _from_last_vertex(rays, lane, o, d, found.t, transparent)
-            light_pdf = select(listed, light_pdf_of(parameters, shape, o, way, facing, choices), zero)
+            light_pdf = select(listed, light_pdf_of(shape, zero, parameters, o, way, facing, choices), zero)
         return emitted, light_pdf
 
     return emission_at
@@ -272,7 +211,7 @@ def _make(features: SceneFeatures, real: Any) -> Any:
             elif hides:
                 rays.absent[lane] = False  # an update may have taken the last emitter away
             if constant_environment:
-                emitted = select3(miss, environment_radiance, emitted)
+                emitted = select(miss, environment_radiance, emitted)
                 light_pdf = select(miss, rays.cosine_pdf[lane] / environment_choices, light_pdf)
             rays.emission[lane] = emitted
             rays.light_pdf[lane] = light_pdf
@@ -307,7 +246,7 @@ def _hide_environment(rays, none):
     """Where null lobes alone lie between it and the camera."""
     for lane in range(np.uint64(LANES)):
         unseen = rays.miss[lane] & ((rays.dimension[lane] == CAMERA_DIMENSIONS) | (not rays.scattered[lane]))
-        rays.emission[lane] = select3(unseen, none, rays.emission[lane])
+        rays.emission[lane] = select(unseen, none, rays.emission[lane])
 
 
 @inline
@@ -341,7 +280,7 @@ def _image_environment(rays, scene, choices, turned, real):
 
 def stage(features: SceneFeatures, real: Any) -> Any:
     """The surface stage of a scene."""
-    return _stage(features.only(*_FEATURES), real)
+    return _stage(features, real)
 
 
 def bare_stage(features: SceneFeatures, real: Any) -> Any:
@@ -354,6 +293,6 @@ def dark_stage(features: SceneFeatures, real: Any) -> Any:
     return _stage(features.only(*_MATERIALS), real)
 
 
-@cache
+@per_features
 def _stage(features: SceneFeatures, real: Any) -> Any:
     return compile_stage(_make(features, real))

@@ -9,68 +9,36 @@ Transmittances are scalar code: what is read differs from lane to lane.
 from __future__ import annotations
 
 import math
-from functools import cache
 from typing import Any
 
 import numpy as np
 
+from engines.kernels.compile.dispatch import dispatch
 from engines.kernels.compile.jit import compile_stage, inline
 from engines.kernels.compile.masks import EVERY_LANE, flagged_lanes
 from engines.kernels.compile.records import lane_numbers
-from engines.kernels.compile.values import const, lowest_bit, select
-from engines.kernels.features import SceneFeatures
+from engines.kernels.compile.values import lowest_bit, select
+from engines.kernels.features import SceneFeatures, per_features
 from engines.kernels.flatten.materials import transmittance_of
 from engines.kernels.flatten.programs import BLEND, BUMP, LEAF, MASK, SIDES, THROUGH
 from engines.kernels.lane import tilt
-from engines.kernels.lane.vector import Vec3, largest, length, select3, to_float64, to_real
+from engines.kernels.lane.vector import Vec3, largest, length, to_float64, to_real
 from engines.kernels.layout import BSDF_PARAMETERS, LANES, ray_batch, scene_table
 from engines.kernels.stages.material import coordinates_at, look_up, make_locate, share_of, tilted
 from engines.kernels.stages.shade import curved_shapes, make_left
 
-_FEATURES = (
-    "triangles",
-    "spheres",
-    "planes",
-    "analytic",
-    "bsdfs",
-    "programs",
-    "textures",
-    "uvs",
-    "choices",
-    "masks",
-    "blends",
-    "tilts",
-)
+
+def _of_model(kinds: tuple[int, ...]) -> Any:
+    """The function (model, opaque, parameters, direction, normal) -> transmittance of a leaf of one of these models, which is
+    `opaque` of those that let nothing pass."""
+    null = ((kind, transmittance_of(kind)) for kind in kinds)
+    return dispatch(tuple((kind, transmittance) for kind, transmittance in null if transmittance), branches=True)
 
 
-@cache
-def _make_of_model(kinds: tuple[int, ...]) -> Any:
-    """The function (model, parameters, direction, normal) -> transmittance of a leaf of one of these models."""
-
-    @inline
-    def opaque(model, parameters, direction, normal):
-        zero = const(0.0, direction.x)
-        return Vec3(zero, zero, zero)
-
-    if not kinds:
-        return opaque
-    own, rest, transmittance = kinds[0], _make_of_model(kinds[1:]), transmittance_of(kinds[0])
-    if transmittance is None:
-        return rest
-
-    @inline
-    def of_model(model, parameters, direction, normal):
-        if model == own:
-            return transmittance(parameters, direction, normal)
-        return rest(model, parameters, direction, normal)
-
-    return of_model
-
-
-@cache
+@per_features
 def _make_of_leaf(features: SceneFeatures, real: Any) -> Any:
     """The function (rays, lane, scene, leaf, at, frame, before) -> transmittance of a program's leaf, in float64."""
-    of_model, textures, tilts = _make_of_model(features.bsdfs), features.textures, features.tilts
+    of_model, textures, tilts, none = _of_model(features.bsdfs), features.textures, features.tilts, real(0)
 
     @inline
     def of_leaf(rays, lane, scene, leaf, at, frame, before):
@@ -80,7 +48,8 @@ def _make_of_leaf(features: SceneFeatures, real: Any) -> Any:
         if textures:
             look_up(rays, lane, scene, leaf, at)
         direction, normal = rays.direction[lane], to_real(frame.normal, real)
-        found = to_float64(of_model(np.int64(leaf.first), lane_numbers(rays.bsdf, lane), direction, normal))
+        opaque, parameters = Vec3(none, none, none), lane_numbers(rays.bsdf, lane)
+        found = to_float64(of_model(np.int64(leaf.first), opaque, parameters, direction, normal))
         if tilts:
             d = to_float64(direction)
             factor = tilt.terminator(to_float64(rays.normal[lane]), frame.normal, d)
@@ -90,7 +59,7 @@ def _make_of_leaf(features: SceneFeatures, real: Any) -> Any:
     return of_leaf
 
 
-@cache
+@per_features
 def _make_of_node(features: SceneFeatures, blends: int, real: Any) -> Any:
     """The function (rays, lane, scene, node, share, at, frame, before) -> what a program lets pass of a share of light, with at
     most so many `blends` around each other."""
@@ -125,11 +94,11 @@ def _make_of_node(features: SceneFeatures, blends: int, real: Any) -> Any:
     return of_node
 
 
-@cache
+@per_features
 def _make_transmittance(features: SceneFeatures, real: Any) -> Any:
     """The function (rays, lane, scene) -> transmittance of the surface that a lane's ray has met."""
     several, only = len(features.bsdfs) > 1, features.bsdfs[0]
-    of_model, programs = _make_of_model(features.bsdfs), features.programs
+    of_model, programs, none = _of_model(features.bsdfs), features.programs, real(0)
     of_node = _make_of_node(features, features.blends, real) if programs else None
 
     @inline
@@ -141,7 +110,8 @@ def _make_transmittance(features: SceneFeatures, real: Any) -> Any:
                 frame = tilt.Tilted(normal, at.dp_du, at.dp_dv, True)
                 return to_real(of_node(rays, lane, scene, first, 1.0, at, frame, normal), real)
         model = np.int64(rays.bsdf_model[lane]) if several else np.int64(only)
-        return of_model(model, lane_numbers(rays.bsdf, lane), rays.direction[lane], rays.normal[lane])
+        opaque, parameters = Vec3(none, none, none), lane_numbers(rays.bsdf, lane)
+        return of_model(model, opaque, parameters, rays.direction[lane], rays.normal[lane])
 
     return transmittance
 
@@ -157,7 +127,7 @@ def _store_next_rays(rays, share, left, real):
         aim = rays.destination[lane] - origin
         way = length(aim)
         rays.origin[lane] = origin
-        rays.direction[lane] = select3(endless, rays.direction[lane], aim * (real(1) / way))
+        rays.direction[lane] = select(endless, rays.direction[lane], aim * (real(1) / way))
         rays.t[lane] = select(goes, select(endless, infinite, way * share - offset), real(-1))
         rays.origin_primitive[lane] = left(rays, lane)
 
@@ -184,9 +154,9 @@ def _make(features: SceneFeatures, real: Any) -> Any:
 
 def stage(features: SceneFeatures, real: Any) -> Any:
     """The stage of a scene whose shadow rays cross null lobes."""
-    return _stage(features.only(*_FEATURES), real)
+    return _stage(features, real)
 
 
-@cache
+@per_features
 def _stage(features: SceneFeatures, real: Any) -> Any:
     return compile_stage(_make(features, real))

@@ -16,7 +16,7 @@ from engines.kernels.compile.jit import compile_stage, inline
 from engines.kernels.compile.memory import address_of, array_at, prefetch
 from engines.kernels.compile.records import Table, array, table_view
 from engines.kernels.compile.simd import as_bits, bits, convert, descending, iota, load8, lowest, splat, store8
-from engines.kernels.compile.values import bits_set, const, float_bits, fma, highest_bit, select
+from engines.kernels.compile.values import bits_set, float_bits, fma, highest_bit, select
 from engines.kernels.lane.shapes.sphere import sphere_distance
 from engines.kernels.lane.shapes.triangle import ray_frame, triangle_distance
 from engines.kernels.lane.vector import Vec3, extent, to_float64
@@ -150,8 +150,7 @@ def _start(ray, o, d, t):
 def _start_shear(ray, o, d):
     """The same shear as in `ray_frame`, as two factors and one scale, for axes in an order that puts the main one last."""
     frame = ray_frame(d)
-    zero = const(0.0, d.x)
-    x, y = frame.z.x != zero, frame.z.y != zero
+    x, y = frame.z.x != 0.0, frame.z.y != 0.0
     ray.words[AXES] = select(x, np.int32(1), select(y, np.int32(2), np.int32(0)))
     ray.words[AXES + 1] = select(x, np.int32(2), select(y, np.int32(0), np.int32(1)))
     ray.words[AXES + 2] = select(x, np.int32(0), select(y, np.int32(1), np.int32(2)))

@@ -14,7 +14,6 @@ import numpy as np
 
 from engines.kernels.compile.jit import compile_stage, inline, kernel
 from engines.kernels.compile.records import REAL, Table, array, rows, scalar, table_view
-from engines.kernels.compile.values import const
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten import FlatScene
 from engines.kernels.lane.vector import to_float64
@@ -115,7 +114,7 @@ def _resolution(bounds: Any, n: int, density: float) -> Any:
 def _cell(x, low, high, cells):
     """The cell of a coordinate, clamped into the grid."""
     width = high - low
-    if not width > const(0.0, width):
+    if not width > 0.0:
         return np.int64(0)
     k = np.int64((x - low) / width * cells)
     return max(min(k, cells - 1), np.int64(0))
@@ -183,7 +182,7 @@ class Grid(NamedTuple):
 def _wall(low, high, cells, cell, forward, o, inverse):
     """Distance at which the ray leaves a cell on one axis, computed from the wall itself so that errors do not add up."""
     k = cell + 1 if forward else cell
-    return (low + (high - low) * (k / const(1.0, low)) / (cells / const(1.0, low)) - o) * inverse
+    return (low + (high - low) * (k / 1.0) / (cells / 1.0) - o) * inverse
 
 
 @inline

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from engines.kernels.compile.jit import inline, kernel
 from engines.kernels.compile.records import Row, vector
-from engines.kernels.compile.values import const, select
+from engines.kernels.compile.values import select
 from engines.kernels.flatten import FlatScene
 from engines.kernels.lane.shapes.sphere import sphere_distance
 from engines.kernels.lane.shapes.triangle import Frame, ray_frame, shear, triangle_distance
@@ -55,7 +55,7 @@ def clear_hits(rays, shadow):
 @inline
 def finite_inverse(x, tiny):
     """1/x, but finite: a component too small to move the ray across the scene acts as if it were `tiny`."""
-    return const(1.0, x) / select(abs(x) > tiny, x, select(x >= const(0.0, x), tiny, -tiny))
+    return 1.0 / select(abs(x) > tiny, x, select(x >= 0.0, tiny, -tiny))
 
 
 @inline

@@ -16,7 +16,7 @@ from engines.kernels.lane.bsdf.interface import ALL, SPECULAR_REFLECTION, BSDFSa
 from engines.kernels.lane.frame import frame_at, to_local, to_world
 from engines.kernels.lane.fresnel import fresnel_conductor, reflect
 from engines.kernels.lane.microfacet import Distribution, half_vector
-from engines.kernels.lane.vector import Vec3, dot, select3
+from engines.kernels.lane.vector import Vec3, dot
 
 PARAMETERS = 11
 
@@ -24,9 +24,8 @@ PARAMETERS = 11
 @inline
 def _roughness(parameters):
     """(whether it is rough, ax, ay), these above 0."""
-    zero, one = const(0.0, parameters[0]), const(1.0, parameters[0])
-    rough = parameters[9] > zero
-    return rough, select(rough, parameters[9], one), select(rough, parameters[10], one)
+    rough = parameters[9] > 0.0
+    return rough, select(rough, parameters[9], 1.0), select(rough, parameters[10], 1.0)
 
 
 @inline
@@ -48,44 +47,41 @@ def _make(distribution: Distribution, tangents: bool) -> LaneBSDF:
 
     @inline
     def evaluate(parameters, si, wi):
-        zero, four = const(0.0, si.t), const(4.0, si.t)
         rough, ax, ay = _roughness(parameters)
         frame = frame_of(si)
         wo, wi = to_local(frame, -si.direction), to_local(frame, wi)
         m = half_vector(wo, wi)
-        value = density_of(m, ax, ay) * masking(wo, ax, ay) * masking(wi, ax, ay) / (four * wo.z)
-        valid = rough & (wo.z > zero) & (wi.z > zero)
-        return Spectrum(_reflectance(parameters, dot(wo, m)), select(valid, value, zero))
+        value = density_of(m, ax, ay) * masking(wo, ax, ay) * masking(wi, ax, ay) / (4.0 * wo.z)
+        valid = rough & (wo.z > 0.0) & (wi.z > 0.0)
+        return Spectrum(_reflectance(parameters, dot(wo, m)), select(valid, value, 0.0))
 
     @inline
     def pdf(parameters, si, wi):
-        zero, four = const(0.0, si.t), const(4.0, si.t)
         rough, ax, ay = _roughness(parameters)
         frame = frame_of(si)
         wo, wi = to_local(frame, -si.direction), to_local(frame, wi)
-        density = density_of(half_vector(wo, wi), ax, ay) * visible_masking(wo, ax, ay) / (four * wo.z)
-        return select(rough & (wo.z > zero) & (wi.z > zero), density, zero)
+        density = density_of(half_vector(wo, wi), ax, ay) * visible_masking(wo, ax, ay) / (4.0 * wo.z)
+        return select(rough & (wo.z > 0.0) & (wi.z > 0.0), density, 0.0)
 
     @inline
     def sample(parameters, si, u_lobe, u0, u1, which):
-        zero, one, two, four = const(0.0, si.t), const(1.0, si.t), const(2.0, si.t), const(4.0, si.t)
         rough, ax, ay = _roughness(parameters)
         frame = frame_of(si)
         wo = to_local(frame, -si.direction)
         m = visible_normal(wo, ax, ay, u0, u1)
-        m = Vec3(select(rough, m.x, zero), select(rough, m.y, zero), select(rough, m.z, one))
+        m = Vec3(select(rough, m.x, 0.0), select(rough, m.y, 0.0), select(rough, m.z, 1.0))
         cos = dot(wo, m)
-        wi = m * (two * cos) - wo
-        above = (wo.z > zero) & (wi.z > zero)
+        wi = m * (2.0 * cos) - wo
+        above = (wo.z > 0.0) & (wi.z > 0.0)
         visible, weight = visible_masking(wo, ax, ay), masking(wi, ax, ay)
         if not exact:
             weight = weight * (masking(wo, ax, ay) / visible)
-        density = density_of(m, ax, ay) * visible / (four * wo.z)
-        world = select3(rough, to_world(frame, wi), reflect(si.direction, si.normal))
-        spectrum = Spectrum(_reflectance(parameters, cos), select(rough, weight, one))
+        density = density_of(m, ax, ay) * visible / (4.0 * wo.z)
+        world = select(rough, to_world(frame, wi), reflect(si.direction, si.normal))
+        spectrum = Spectrum(_reflectance(parameters, cos), select(rough, weight, 1.0))
         # of the lobes apart, there is the specular reflection alone
         valid = above & ((which == ALL) | ((which == SPECULAR_REFLECTION) & (not rough)))
-        return BSDFSample(world, spectrum, select(rough, density, const(math.inf, one)), False, valid)
+        return BSDFSample(world, spectrum, select(rough, density, math.inf), False, valid)
 
     @inline
     def only_delta(parameters):

@@ -28,7 +28,7 @@ from engines.kernels.lane.bsdf.interface import (
 from engines.kernels.lane.frame import frame_at, to_local, to_world
 from engines.kernels.lane.fresnel import fresnel_dielectric, reflect, refract
 from engines.kernels.lane.microfacet import Distribution, half_vector
-from engines.kernels.lane.vector import Vec3, dot, select3
+from engines.kernels.lane.vector import Vec3, dot
 
 PARAMETERS = 9
 
@@ -52,20 +52,18 @@ def _albedos(parameters, si):
 @inline
 def _delta_lobes(parameters, si, u_lobe, which, reflectance, mirror, transmitted, scale):
     """A mirror of this reflectance, and what passes along `transmitted`: one of them, or both by chance."""
-    zero, one = const(0.0, si.t), const(1.0, si.t)
     is_reflection = (which == SPECULAR_REFLECTION) | ((which == ALL) & (u_lobe < reflectance))
-    share = select(is_reflection, reflectance, one - reflectance)
-    weight = select(is_reflection, one, scale)
+    share = select(is_reflection, reflectance, 1.0 - reflectance)
+    weight = select(is_reflection, 1.0, scale)
     if which != ALL:
         weight = weight * share
-    color = select3(is_reflection, _reflectance(parameters), _transmittance(parameters))
-    return delta(select3(is_reflection, mirror, transmitted), color, weight, not is_reflection, share > zero)
+    color = select(is_reflection, _reflectance(parameters), _transmittance(parameters))
+    return delta(select(is_reflection, mirror, transmitted), color, weight, not is_reflection, share > 0.0)
 
 
 @inline
 def _sample_smooth(parameters, si, u_lobe, u0, u1, which):
-    one = const(1.0, si.t)
-    glass = refract(si.direction, si.normal, select(si.front, parameters[0], one / parameters[0]))
+    glass = refract(si.direction, si.normal, select(si.front, parameters[0], 1.0 / parameters[0]))
     mirror = reflect(si.direction, si.normal)
     return _delta_lobes(parameters, si, u_lobe, which, glass.reflectance, mirror, glass.direction, glass.scale)
 
@@ -73,9 +71,8 @@ def _sample_smooth(parameters, si, u_lobe, u0, u1, which):
 @inline
 def _mirrored_share(direction, normal, ior):
     """Of a pane, with all reflections between its faces."""
-    one, two = const(1.0, ior), const(2.0, ior)
     f = fresnel_dielectric(-dot(direction, normal), ior).reflectance
-    return two * f / (one + f)
+    return 2.0 * f / (1.0 + f)
 
 
 @inline
@@ -86,7 +83,7 @@ def _sample_thin(parameters, si, u_lobe, u0, u1, which):
 
 @inline
 def _through_thin(parameters, direction, normal):
-    return _transmittance(parameters) * (const(1.0, direction.x) - _mirrored_share(direction, normal, parameters[0]))
+    return _transmittance(parameters) * (1.0 - _mirrored_share(direction, normal, parameters[0]))
 
 
 SMOOTH = LaneBSDF(no_value, no_pdf, _sample_smooth, _albedos, ior=0, only_delta=always_delta)
@@ -109,60 +106,57 @@ def _make(distribution: Distribution, tangents: bool) -> LaneBSDF:
 
     @inline
     def facet(wo, wi, m, ax, ay, eta):
-        one, four = const(1.0, eta), const(4.0, eta)
         out, into = dot(wo, m), dot(wi, m)
         f = fresnel_dielectric(out, eta).reflectance
         d = density_of(m, ax, ay) / wo.z
         across = out + eta * into
-        return _Microfacet(f, f * d / four, (one - f) * d * out * abs(into) / (across * across))
+        return _Microfacet(f, f * d / 4.0, (1.0 - f) * d * out * abs(into) / (across * across))
 
     @inline
     def of_directions(parameters, si, wi):
         """(the facet between wo and wi, whether it reflects, whether there is one, wo, wi, eta)."""
-        zero, one = const(0.0, si.t), const(1.0, si.t)
         frame = frame_of(si)
         wo, wi = to_local(frame, -si.direction), to_local(frame, wi)
-        eta = select(si.front, parameters[0], one / parameters[0])
-        reflects = wi.z > zero
-        m = half_vector(wo, wi * select(reflects, one, eta))
-        m = m * select(m.z < zero, -one, one)
-        through = (wi.z < zero) & (dot(wo, m) > zero) & (dot(wi, m) < zero)
-        valid = (wo.z > zero) & (reflects | through)
+        eta = select(si.front, parameters[0], 1.0 / parameters[0])
+        reflects = wi.z > 0.0
+        m = half_vector(wo, wi * select(reflects, 1.0, eta))
+        m = m * select(m.z < 0.0, -1.0, 1.0)
+        through = (wi.z < 0.0) & (dot(wo, m) > 0.0) & (dot(wi, m) < 0.0)
+        valid = (wo.z > 0.0) & (reflects | through)
         return facet(wo, wi, m, parameters[1], parameters[2], eta), reflects, valid, wo, wi, eta
 
     @inline
     def evaluate(parameters, si, wi):
-        found, reflects, valid, wo, wi, eta = of_directions(parameters, si, wi)
-        zero, ax, ay = const(0.0, eta), parameters[1], parameters[2]
+        found, reflects, valid, wo, wi, _ = of_directions(parameters, si, wi)
+        ax, ay = parameters[1], parameters[2]
         value = select(reflects, found.reflection, found.transmission) * masking(wo, ax, ay) * masking(wi, ax, ay)
-        color = select3(reflects, _reflectance(parameters), _transmittance(parameters))
-        return Spectrum(color, select(valid, value, zero))
+        color = select(reflects, _reflectance(parameters), _transmittance(parameters))
+        return Spectrum(color, select(valid, value, 0.0))
 
     @inline
     def pdf(parameters, si, wi):
         found, reflects, valid, wo, wi, eta = of_directions(parameters, si, wi)
         density = select(reflects, found.reflection, found.transmission * (eta * eta))
-        return select(valid, density * visible_masking(wo, parameters[1], parameters[2]), const(0.0, eta))
+        return select(valid, density * visible_masking(wo, parameters[1], parameters[2]), 0.0)
 
     @inline
     def sample(parameters, si, u_lobe, u0, u1, which):
-        zero, one, two = const(0.0, si.t), const(1.0, si.t), const(2.0, si.t)
         ax, ay, frame = parameters[1], parameters[2], frame_of(si)
-        wo, eta = to_local(frame, -si.direction), select(si.front, parameters[0], one / parameters[0])
+        wo, eta = to_local(frame, -si.direction), select(si.front, parameters[0], 1.0 / parameters[0])
         m = visible_normal(wo, ax, ay, u0, u1)
         out = dot(wo, m)
         fresnel = fresnel_dielectric(out, eta)
         reflects = u_lobe < fresnel.reflectance
-        along, back = select(reflects, two * out, out / eta - fresnel.cos_transmitted), select(reflects, one, one / eta)
+        along, back = select(reflects, 2.0 * out, out / eta - fresnel.cos_transmitted), select(reflects, 1.0, 1.0 / eta)
         wi = m * along - wo * back
         found = facet(wo, wi, m, ax, ay, eta)
         visible, weight = visible_masking(wo, ax, ay), masking(wi, ax, ay)
         if not exact:
             weight = weight * (masking(wo, ax, ay) / visible)
         density = select(reflects, found.reflection, found.transmission * (eta * eta)) * visible
-        color = select3(reflects, _reflectance(parameters), _transmittance(parameters))
-        spectrum = Spectrum(color, weight * select(reflects, one, one / (eta * eta)))
-        valid = (which == ALL) & (wo.z > zero) & (select(reflects, wi.z, -wi.z) > zero)
+        color = select(reflects, _reflectance(parameters), _transmittance(parameters))
+        spectrum = Spectrum(color, weight * select(reflects, 1.0, 1.0 / (eta * eta)))
+        valid = (which == ALL) & (wo.z > 0.0) & (select(reflects, wi.z, -wi.z) > 0.0)
         return BSDFSample(to_world(frame, wi), spectrum, density, not reflects, valid)
 
     return LaneBSDF(evaluate, pdf, sample, _albedos, ior=0)

@@ -113,4 +113,4 @@ def always_delta(parameters):
 @inline
 def delta(wi, color, scale, transmitted, valid):
     """A specular event."""
-    return BSDFSample(wi, Spectrum(color, scale), const(math.inf, scale), transmitted, valid)
+    return BSDFSample(wi, Spectrum(color, scale), math.inf, transmitted, valid)

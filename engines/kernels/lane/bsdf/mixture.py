@@ -16,7 +16,7 @@ from engines.kernels.features import SceneFeatures
 from engines.kernels.lane.bsdf.interface import ALL, SPECULAR_REFLECTION, BSDFSample, LaneBSDF, Spectrum
 from engines.kernels.lane.fresnel import reflect, refract
 from engines.kernels.lane.sampling import cosine_direction, cosine_pdf
-from engines.kernels.lane.vector import Vec3, dot, largest, select3, total
+from engines.kernels.lane.vector import Vec3, dot, largest, total
 
 _KD, _KS, _KT, _INTERFACE = range(3), range(3, 6), range(6, 9), range(9, 11)
 
@@ -61,18 +61,18 @@ def _make(diffuse: bool, reflection: bool, transmission: bool) -> LaneBSDF:
 
     @inline
     def lobes_of(parameters, si):
-        zero, one = const(0.0, si.t), const(1.0, si.t)
+        zero = const(0.0, si.t)
         none = Vec3(zero, zero, zero)
         kd = Vec3(parameters[0], parameters[1], parameters[2]) if diffuse else none
         if not specular:
-            return Lobes(kd, none, none, one, one, total(kd), zero, zero, none, none, False, one)
+            return Lobes(kd, none, none, 1.0, 1.0, total(kd), zero, zero, none, none, False, 1.0)
         ks = Vec3(parameters[3], parameters[4], parameters[5]) if reflection else none
         kt = Vec3(parameters[6], parameters[7], parameters[8]) if transmission else none
-        eta = select(si.front, parameters[9], one / parameters[9])
+        eta = select(si.front, parameters[9], 1.0 / parameters[9])
         glass = refract(si.direction, si.normal, eta)
         weighted = parameters[10] > zero
-        f = select(weighted, glass.reflectance, one)
-        g = select(weighted, one - glass.reflectance, one)
+        f = select(weighted, glass.reflectance, 1.0)
+        g = select(weighted, 1.0 - glass.reflectance, 1.0)
         return Lobes(
             kd,
             ks,
@@ -93,14 +93,13 @@ def _make(diffuse: bool, reflection: bool, transmission: bool) -> LaneBSDF:
         zero = const(0.0, si.t)
         kd = Vec3(parameters[0], parameters[1], parameters[2]) if diffuse else Vec3(zero, zero, zero)
         cos = dot(si.normal, wi)
-        return Spectrum(kd, select((cos > zero) & (total(kd) > zero), cos, zero) * const(1.0 / math.pi, cos))
+        return Spectrum(kd, select((cos > zero) & (total(kd) > zero), cos, zero) * (1.0 / math.pi))
 
     @inline
     def pdf(parameters, si, wi):
-        zero, one = const(0.0, si.t), const(1.0, si.t)
         lobes = lobes_of(parameters, si)
         q, cos = lobes.d + lobes.r + lobes.t, dot(si.normal, wi)
-        return lobes.d / select(q > zero, q, one) * select(cos > zero, cos, zero) * const(1.0 / math.pi, one)
+        return lobes.d / select(q > 0.0, q, 1.0) * select(cos > 0.0, cos, 0.0) * (1.0 / math.pi)
 
     sample_any = _make_sample_any(lobes_of, specular)
 
@@ -108,13 +107,13 @@ def _make(diffuse: bool, reflection: bool, transmission: bool) -> LaneBSDF:
     def sample(parameters, si, u_lobe, u0, u1, which):
         if which == ALL:
             return sample_any(parameters, si, u_lobe, u0, u1)
-        zero, lobes = const(0.0, si.t), lobes_of(parameters, si)
-        infinite = const(math.inf, zero)
+        lobes = lobes_of(parameters, si)
+        infinite = const(math.inf, si.t)
         if which == SPECULAR_REFLECTION:
             weight = Spectrum(lobes.ks, lobes.fresnel_ks)
-            return BSDFSample(lobes.reflected, weight, infinite, False, lobes.r > zero)
+            return BSDFSample(lobes.reflected, weight, infinite, False, lobes.r > 0.0)
         weight = Spectrum(lobes.kt, lobes.fresnel_kt * lobes.scale)
-        return BSDFSample(lobes.refracted, weight, infinite, lobes.through, lobes.t > zero)
+        return BSDFSample(lobes.refracted, weight, infinite, lobes.through, lobes.t > 0.0)
 
     @inline
     def albedos(parameters, si):
@@ -123,14 +122,13 @@ def _make(diffuse: bool, reflection: bool, transmission: bool) -> LaneBSDF:
         kd = Vec3(parameters[0], parameters[1], parameters[2]) if diffuse else none
         ks = Vec3(parameters[3], parameters[4], parameters[5]) if reflection else none
         kt = Vec3(parameters[6], parameters[7], parameters[8]) if transmission else none
-        shown = select3(largest(kt) > zero, kt, none)
-        shown = select3(largest(ks) > zero, ks, shown)
-        return kd, select3(largest(kd) > zero, kd, shown)
+        shown = select(largest(kt) > zero, kt, none)
+        shown = select(largest(ks) > zero, ks, shown)
+        return kd, select(largest(kd) > zero, kd, shown)
 
     @inline
     def only_delta(parameters):
-        zero = const(0.0, parameters[0])
-        return not (total(Vec3(parameters[0], parameters[1], parameters[2])) > zero) if diffuse else True
+        return not (total(Vec3(parameters[0], parameters[1], parameters[2])) > 0.0) if diffuse else True
 
     return LaneBSDF(evaluate, pdf, sample, albedos, ior=_INTERFACE[0] if transmission else None, only_delta=only_delta)
 
@@ -140,26 +138,25 @@ def _make_sample_any(lobes_of: Any, specular: bool) -> Any:
 
     @inline
     def sample_any(parameters, si, u_lobe, u0, u1):
-        zero, one = const(0.0, si.t), const(1.0, si.t)
         lobes = lobes_of(parameters, si)
         d, r, t = lobes.d, lobes.r, lobes.t
         q = d + r + t
-        share = d / select(q > zero, q, one)
+        share = d / select(q > 0.0, q, 1.0)
         wi = cosine_direction(si.normal, u0, u1)
         pdf = share * cosine_pdf(si.normal, wi)
-        weight = Spectrum(lobes.kd, q / select(d > zero, d, one))
+        weight = Spectrum(lobes.kd, q / select(d > 0.0, d, 1.0))
         transmitted = False
         if specular:
             u = u_lobe * q
             is_diffuse, is_reflection = u < d, (u >= d) & (u < d + r)
             transmitted = (u >= d + r) & lobes.through
             ks, kt = lobes.ks * lobes.fresnel_ks, lobes.kt * lobes.fresnel_kt
-            refraction = kt * (q / select(t > zero, t, one))
-            color = select3(is_diffuse, lobes.kd, select3(is_reflection, ks, refraction))
-            scale = select(is_reflection, q / select(r > zero, r, one), lobes.scale)
+            refraction = kt * (q / select(t > 0.0, t, 1.0))
+            color = select(is_diffuse, lobes.kd, select(is_reflection, ks, refraction))
+            scale = select(is_reflection, q / select(r > 0.0, r, 1.0), lobes.scale)
             weight = Spectrum(color, select(is_diffuse, weight.scale, scale))
-            wi = select3(is_diffuse, wi, select3(is_reflection, lobes.reflected, lobes.refracted))
-            pdf = select(is_diffuse, pdf, const(math.inf, pdf))
-        return BSDFSample(wi, weight, pdf, transmitted, q > zero)
+            wi = select(is_diffuse, wi, select(is_reflection, lobes.reflected, lobes.refracted))
+            pdf = select(is_diffuse, pdf, math.inf)
+        return BSDFSample(wi, weight, pdf, transmitted, q > 0.0)
 
     return sample_any

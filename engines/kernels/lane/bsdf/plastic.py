@@ -21,7 +21,7 @@ from engines.kernels.lane.frame import frame_at, to_local, to_world
 from engines.kernels.lane.fresnel import fresnel_dielectric, reflect
 from engines.kernels.lane.microfacet import Distribution, half_vector
 from engines.kernels.lane.sampling import cosine_direction, cosine_pdf
-from engines.kernels.lane.vector import Vec3, dot, largest, select3
+from engines.kernels.lane.vector import Vec3, dot, largest
 
 PARAMETERS = 12
 NODES = 64
@@ -35,21 +35,20 @@ def _reflectance(parameters):
 @inline
 def _base(parameters):
     """rho / (pi eta^2 (1 - k F_dr)): the colour of the base, times transmittances its value."""
-    one, ior, inside, repeated = const(1.0, parameters[0]), parameters[6], parameters[8], parameters[10]
+    ior, inside, repeated = parameters[6], parameters[8], parameters[10]
     r, g, b = parameters[0], parameters[1], parameters[2]
-    scale = one / (const(math.pi, ior) * ior * ior)
-    r = r * scale / (one - select(repeated > const(0.0, r), r, one) * inside)
-    g = g * scale / (one - select(repeated > const(0.0, r), g, one) * inside)
-    b = b * scale / (one - select(repeated > const(0.0, r), b, one) * inside)
+    scale = 1.0 / (math.pi * ior * ior)
+    r = r * scale / (1.0 - select(repeated > 0.0, r, 1.0) * inside)
+    g = g * scale / (1.0 - select(repeated > 0.0, g, 1.0) * inside)
+    b = b * scale / (1.0 - select(repeated > 0.0, b, 1.0) * inside)
     return Vec3(r, g, b)
 
 
 @inline
 def _share(reflected, s):
     """The probability of the specular lobe, where the coat reflects this share of the light."""
-    zero, one = const(0.0, s), const(1.0, s)
-    both = reflected * s + (one - reflected) * (one - s)
-    return select(both > zero, reflected * s / select(both > zero, both, one), zero)
+    both = reflected * s + (1.0 - reflected) * (1.0 - s)
+    return select(both > 0.0, reflected * s / select(both > 0.0, both, 1.0), 0.0)
 
 
 @inline
@@ -60,37 +59,35 @@ def _albedos(parameters, si):
 
 @inline
 def _evaluate_smooth(parameters, si, wi):
-    zero, one = const(0.0, si.t), const(1.0, si.t)
     cos = dot(si.normal, wi)
     near = fresnel_dielectric(-dot(si.direction, si.normal), parameters[6]).reflectance
     far = fresnel_dielectric(cos, parameters[6]).reflectance
-    return Spectrum(_base(parameters), select(cos > zero, (one - near) * (one - far) * cos, zero))
+    return Spectrum(_base(parameters), select(cos > 0.0, (1.0 - near) * (1.0 - far) * cos, 0.0))
 
 
 @inline
 def _pdf_smooth(parameters, si, wi):
     near = fresnel_dielectric(-dot(si.direction, si.normal), parameters[6]).reflectance
-    return (const(1.0, si.t) - _share(near, parameters[9])) * cosine_pdf(si.normal, wi)
+    return (1.0 - _share(near, parameters[9])) * cosine_pdf(si.normal, wi)
 
 
 @inline
 def _sample_smooth(parameters, si, u_lobe, u0, u1, which):
-    one = const(1.0, si.t)
     near = fresnel_dielectric(-dot(si.direction, si.normal), parameters[6]).reflectance
     mirror, color = reflect(si.direction, si.normal), _reflectance(parameters)
     if which != ALL:
-        there = (which == SPECULAR_REFLECTION) & (near * largest(color) > const(0.0, near))
+        there = (which == SPECULAR_REFLECTION) & (near * largest(color) > 0.0)
         return delta(mirror, color, near, False, there)
     p = _share(near, parameters[9])
     specular = u_lobe < p
     wi = cosine_direction(si.normal, u0, u1)
     far = fresnel_dielectric(dot(si.normal, wi), parameters[6]).reflectance
-    share = select(specular, p, one - p)
-    scale = select(specular, near, const(math.pi, near) * (one - near) * (one - far)) / share
-    color = select3(specular, color, _base(parameters))
-    pdf = select(specular, const(math.inf, p), share * cosine_pdf(si.normal, wi))
-    valid = largest(color) > const(0.0, near)
-    return BSDFSample(select3(specular, mirror, wi), Spectrum(color, scale), pdf, False, valid)
+    share = select(specular, p, 1.0 - p)
+    scale = select(specular, near, math.pi * (1.0 - near) * (1.0 - far)) / share
+    color = select(specular, color, _base(parameters))
+    pdf = select(specular, math.inf, share * cosine_pdf(si.normal, wi))
+    valid = largest(color) > 0.0
+    return BSDFSample(select(specular, mirror, wi), Spectrum(color, scale), pdf, False, valid)
 
 
 SMOOTH = LaneBSDF(_evaluate_smooth, _pdf_smooth, _sample_smooth, _albedos)
@@ -99,12 +96,12 @@ SMOOTH = LaneBSDF(_evaluate_smooth, _pdf_smooth, _sample_smooth, _albedos)
 @inline
 def _transmittance(tables, first, cos):
     """The coat's, between the nodes of its table. Lanes of other models, that run along, read within the tables, too."""
-    zero, one, last = const(0.0, cos), const(1.0, cos), const(NODES - 2, cos)
-    most = tables[0] - const(NODES, cos)
+    last = const(NODES - 2, cos)
+    most = tables[0] - NODES
     first = select(first < most, first, most)
-    first = select(first > one, first, one)
-    x = select(cos < one, cos, one) * const(NODES - 1, cos)
-    x = select(x > zero, x, zero)
+    first = select(first > 1.0, first, 1.0)
+    x = select(cos < 1.0, cos, 1.0) * const(NODES - 1, cos)
+    x = select(x > 0.0, x, 0.0)
     node = np.floor(x)
     node = select(node < last, node, last)
     index = np.int32(first) + np.int32(node)
@@ -119,17 +116,17 @@ def _make(distribution: Distribution, tangents: bool) -> LaneBSDF:
     @inline
     def value_and_pdf(parameters, si, wo, wi, near):
         """(f cos, pdf) in the local frame; `near` is the coat's transmittance towards wo."""
-        zero, one, four, alpha = const(0.0, si.t), const(1.0, si.t), const(4.0, si.t), parameters[7]
+        alpha = parameters[7]
         m = half_vector(wo, wi)
-        density = density_of(m, alpha, alpha) / (four * wo.z)
+        density = density_of(m, alpha, alpha) / (4.0 * wo.z)
         f = fresnel_dielectric(dot(wo, m), parameters[6]).reflectance
         coat = f * density * masking(wo, alpha, alpha) * masking(wi, alpha, alpha)
         below = near * _transmittance(si.tables, parameters[11], wi.z) * wi.z
-        p = _share(one - near, parameters[9])
-        pdf = p * density * visible_masking(wo, alpha, alpha) + (one - p) * wi.z * const(1.0 / math.pi, one)
-        valid = (wo.z > zero) & (wi.z > zero)
+        p = _share(1.0 - near, parameters[9])
+        pdf = p * density * visible_masking(wo, alpha, alpha) + (1.0 - p) * wi.z * (1.0 / math.pi)
+        valid = (wo.z > 0.0) & (wi.z > 0.0)
         value = _reflectance(parameters) * coat + _base(parameters) * below
-        return Spectrum(value, select(valid, one, zero)), select(valid, pdf, zero)
+        return Spectrum(value, select(valid, 1.0, 0.0)), select(valid, pdf, 0.0)
 
     @inline
     def at_directions(parameters, si, wi):
@@ -148,17 +145,17 @@ def _make(distribution: Distribution, tangents: bool) -> LaneBSDF:
 
     @inline
     def sample(parameters, si, u_lobe, u0, u1, which):
-        zero, one, two, alpha = const(0.0, si.t), const(1.0, si.t), const(2.0, si.t), parameters[7]
+        alpha = parameters[7]
         frame = frame_of(si)
         wo = to_local(frame, -si.direction)
         near = _transmittance(si.tables, parameters[11], wo.z)
         m = visible_normal(wo, alpha, alpha, u0, u1)
-        mirrored = m * (two * dot(wo, m)) - wo
+        mirrored = m * (2.0 * dot(wo, m)) - wo
         base = to_local(frame, cosine_direction(si.normal, u0, u1))
-        wi = select3(u_lobe < _share(one - near, parameters[9]), mirrored, base)
+        wi = select(u_lobe < _share(1.0 - near, parameters[9]), mirrored, base)
         value, density = value_and_pdf(parameters, si, wo, wi, near)
-        positive = density > zero
-        weight = Spectrum(value.color, value.scale / select(positive, density, one))
+        positive = density > 0.0
+        weight = Spectrum(value.color, value.scale / select(positive, density, 1.0))
         return BSDFSample(to_world(frame, wi), weight, density, False, (which == ALL) & positive)
 
     return LaneBSDF(evaluate, pdf, sample, _albedos)

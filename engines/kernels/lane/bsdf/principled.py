@@ -22,7 +22,7 @@ from engines.kernels.lane.frame import frame_at, to_local, to_world
 from engines.kernels.lane.fresnel import fresnel_dielectric
 from engines.kernels.lane.microfacet import ggx_density, ggx_masking, ggx_visible_normal, half_vector
 from engines.kernels.lane.sampling import cosine_direction
-from engines.kernels.lane.vector import Vec3, dot, select3, sin_cos_turn
+from engines.kernels.lane.vector import Vec3, dot, sin_cos_turn
 
 PARAMETERS = 14
 
@@ -63,39 +63,36 @@ def _lerp(a, b, t):
 @inline
 def _fifth(cos):
     """Schlick's weight (1 - cos)^5."""
-    zero, one = const(0.0, cos), const(1.0, cos)
-    rest = one - cos
-    rest = select(rest > zero, rest, zero)
-    rest = select(rest < one, rest, one)
+    rest = 1.0 - cos
+    rest = select(rest > 0.0, rest, 0.0)
+    rest = select(rest < 1.0, rest, 1.0)
     square = rest * rest
     return square * square * rest
 
 
 @inline
 def _albedos(parameters, si):
-    zero, one, trans = const(0.0, si.t), const(1.0, si.t), parameters[13]
+    trans = parameters[13]
     base = Vec3(parameters[0], parameters[1], parameters[2])
-    return base * ((one - parameters[5]) * (one - select(trans > zero, trans, zero))), base
+    return base * ((1.0 - parameters[5]) * (1.0 - select(trans > 0.0, trans, 0.0))), base
 
 
 @inline
 def _schlick(of, cos):
     """The weight of white in Schlick's reflectance: of the cosine in the thinner medium."""
-    one, zero = const(1.0, cos), const(0.0, cos)
-    inside = one - (one - cos * cos) / (of.eta * of.eta)
-    inside = np.sqrt(select(inside > zero, inside, zero))
-    return _fifth(select(of.eta > one, cos, inside))
+    inside = 1.0 - (1.0 - cos * cos) / (of.eta * of.eta)
+    inside = np.sqrt(select(inside > 0.0, inside, 0.0))
+    return _fifth(select(of.eta > 1.0, cos, inside))
 
 
 @inline
 def _metal_and_tint(of, f, w):
     """The reflectance in front: Fresnel's, the metal's and the tinted one."""
-    one = const(1.0, f)
-    normal = (of.eta - one) / (of.eta + one)
-    white = (one - of.metallic) * (one - of.spec_tint) * f
-    metal, tinted = of.metallic, (one - of.metallic) * of.spec_tint
+    normal = (of.eta - 1.0) / (of.eta + 1.0)
+    white = (1.0 - of.metallic) * (1.0 - of.spec_tint) * f
+    metal, tinted = of.metallic, (1.0 - of.metallic) * of.spec_tint
     at_normal = of.tint * (normal * normal)
-    constant = of.base * (metal * (one - w)) + at_normal * (tinted * (one - w))
+    constant = of.base * (metal * (1.0 - w)) + at_normal * (tinted * (1.0 - w))
     rest = white + (metal + tinted) * w
     return Vec3(constant.x + rest, constant.y + rest, constant.z + rest)
 
@@ -103,17 +100,16 @@ def _metal_and_tint(of, f, w):
 @inline
 def _diffuse_and_sheen(of, wo, wi, cos):
     """f of both, in front."""
-    zero, one, half, two = const(0.0, cos), const(1.0, cos), const(0.5, cos), const(2.0, cos)
     wo5, wi5 = _fifth(wo.z), _fifth(wi.z)
-    retro = two * of.roughness * cos * cos
-    lambert = (one - half * wo5) * (one - half * wi5)
-    returned = retro * (wo5 + wi5 + wo5 * wi5 * (retro - one))
-    bend = half * retro - one
-    flat = (one + bend * wo5) * (one + bend * wi5)
+    retro = 2.0 * of.roughness * cos * cos
+    lambert = (1.0 - 0.5 * wo5) * (1.0 - 0.5 * wi5)
+    returned = retro * (wo5 + wi5 + wo5 * wi5 * (retro - 1.0))
+    bend = 0.5 * retro - 1.0
+    flat = (1.0 + bend * wo5) * (1.0 + bend * wi5)
     between = wo.z + wi.z
-    flat = const(1.25, cos) * (flat * (one / select(between > zero, between, one) - half) + half)
-    value = of.diffuse * const(1.0 / math.pi, cos) * _lerp(lambert + returned, flat, of.flatness)
-    sheen = of.sheen * (one - of.metallic) * _fifth(cos)
+    flat = 1.25 * (flat * (1.0 / select(between > 0.0, between, 1.0) - 0.5) + 0.5)
+    value = of.diffuse * (1.0 / math.pi) * _lerp(lambert + returned, flat, of.flatness)
+    sheen = of.sheen * (1.0 - of.metallic) * _fifth(cos)
     tinted = of.sheen_tint * sheen
     white = sheen - tinted
     color = of.base * value + of.tint * tinted
@@ -123,19 +119,18 @@ def _diffuse_and_sheen(of, wo, wi, cos):
 @inline
 def _coat_density(of, m):
     """GTR1."""
-    one, rest = const(1.0, m.z), of.coat_square - const(1.0, m.z)
-    return rest / (const(math.pi, m.z) * log(of.coat_square) * (one + rest * m.z * m.z))
+    rest = of.coat_square - 1.0
+    return rest / (math.pi * log(of.coat_square) * (1.0 + rest * m.z * m.z))
 
 
 @inline
 def _coat_normal(of, u0, u1):
     """A normal with density D(m) m.z of the clearcoat."""
-    zero, one = const(0.0, u0), const(1.0, u0)
-    square = (one - exp((one - u1) * log(of.coat_square))) / (one - of.coat_square)
+    square = (1.0 - exp((1.0 - u1) * log(of.coat_square))) / (1.0 - of.coat_square)
     sine, cosine = sin_cos_turn(u0)
-    across = one - square
-    ring = np.sqrt(select(across > zero, across, zero))
-    return Vec3(ring * cosine, ring * sine, np.sqrt(select(square > zero, square, zero)))
+    across = 1.0 - square
+    ring = np.sqrt(select(across > 0.0, across, 0.0))
+    return Vec3(ring * cosine, ring * sine, np.sqrt(select(square > 0.0, square, 0.0)))
 
 
 @cache
@@ -160,22 +155,22 @@ def _make_surface_of(transmission: bool, clearcoat: bool) -> Any:
             parameters[12],
             parameters[13],
         )
-        zero, one, least = const(0.0, r), const(1.0, r), const(0.001, r)
-        aspect = np.sqrt(one - const(0.9, r) * anisotropic)
+        zero, least = const(0.0, r), const(0.001, r)
+        aspect = np.sqrt(1.0 - 0.9 * anisotropic)
         ax, ay = roughness * roughness / aspect, roughness * roughness * aspect
         ax, ay = select(ax > least, ax, least), select(ay > least, ay, least)
-        luminance = const(0.212671, r) * r + const(0.715160, r) * g + const(0.072169, r) * b
+        luminance = 0.212671 * r + 0.715160 * g + 0.072169 * b
         colored = luminance > zero
-        scale = one / select(colored, luminance, one)
-        tint = Vec3(select(colored, r * scale, one), select(colored, g * scale, one), select(colored, b * scale, one))
+        scale = 1.0 / select(colored, luminance, 1.0)
+        tint = Vec3(select(colored, r * scale, 1.0), select(colored, g * scale, 1.0), select(colored, b * scale, 1.0))
         front, e = True, eta
         if transmission:
             front = si.front | (trans < zero)
-            e, trans = select(front, eta, one / eta), select(trans > zero, trans, zero)
+            e, trans = select(front, eta, 1.0 / eta), select(trans > zero, trans, zero)
         else:
             trans = zero
         coat_roughness = _lerp(const(0.1, r), least, gloss)
-        coat = coat * const(0.25, r) if clearcoat else zero
+        coat = coat * 0.25 if clearcoat else zero
         return _Surface(
             Vec3(r, g, b),
             tint,
@@ -189,8 +184,8 @@ def _make_surface_of(transmission: bool, clearcoat: bool) -> Any:
             coat,
             coat_roughness * coat_roughness,
             flatness,
-            (one - metallic) * (one - trans),
-            (one - metallic) * trans,
+            (1.0 - metallic) * (1.0 - trans),
+            (1.0 - metallic) * trans,
             ax,
             ay,
             front,
@@ -205,47 +200,47 @@ def _make_value_and_pdf(transmission: bool, clearcoat: bool) -> Any:
 
     @inline
     def value_and_pdf(of, wo, wi):
-        zero, one, four = const(0.0, wo.z), const(1.0, wo.z), const(4.0, wo.z)
-        reflects = wi.z > zero
+        one = const(1.0, wo.z)
+        reflects = wi.z > 0.0
         m = half_vector(wo, wi * select(reflects, one, of.e)) if transmission else half_vector(wo, wi)
-        m = m * select(m.z < zero, -one, one)
+        m = m * select(m.z < 0.0, -one, one)
         out, into = dot(wo, m), dot(wi, m)
         f = fresnel_dielectric(abs(out), of.e).reflectance  # below 0 nothing is scattered; 0/0 at eta 1
         facets = ggx_density(m, of.ax, of.ay) * ggx_masking(wo, of.ax, of.ay) / wo.z
         shadowing = ggx_masking(wi, of.ax, of.ay)
         through = of.glass * (one - f)
-        pdf = (one - through) * facets / four + of.diffuse * wi.z * const(1.0 / math.pi, one)
+        pdf = (one - through) * facets / 4.0 + of.diffuse * wi.z * (1.0 / math.pi)
         w = _schlick(of, out)
         color = _metal_and_tint(of, f, w)
         if transmission:
             back = of.glass * f
-            color = select3(of.front, color, Vec3(back, back, back))
-        value = color * (select(of.eta == one, zero, facets) * shadowing / four)
+            color = select(of.front, color, Vec3(back, back, back))
+        value = color * (select(of.eta == one, 0.0, facets) * shadowing / 4.0)
         lambert = _diffuse_and_sheen(of, wo, wi, out) * wi.z
         if clearcoat:
             quarter = const(0.25, one)
             density = _coat_density(of, m)
-            pdf = pdf + of.coat * density * m.z / (four * out)
+            pdf = pdf + of.coat * density * m.z / (4.0 * out)
             coat = _lerp(const(0.04, one), one, w) * density * ggx_masking(wo, quarter, quarter)
             coat = of.coat * coat * ggx_masking(wi, quarter, quarter) * wi.z
             lambert = Vec3(lambert.x + coat, lambert.y + coat, lambert.z + coat)
         pdf = pdf / (one + of.coat + of.diffuse)
         if not transmission:
-            valid = reflects & (wo.z > zero)
-            return Spectrum(value + lambert, select(valid, one, zero)), select(valid, pdf, zero)
+            valid = reflects & (wo.z > 0.0)
+            return Spectrum(value + lambert, select(valid, one, 0.0)), select(valid, pdf, 0.0)
         # behind, microfacets are all there is
-        value = value + lambert * select(of.front, one, zero)
-        pdf = select(of.front, pdf, f * facets / four)
+        value = value + lambert * select(of.front, one, 0.0)
+        pdf = select(of.front, pdf, f * facets / 4.0)
         across = out + of.e * into
         facets = facets * out * abs(into) / (across * across)
         transmitted = of.glass * (one - f) * facets * shadowing
         root = Vec3(np.sqrt(of.base.x), np.sqrt(of.base.y), np.sqrt(of.base.z))
         share = select(of.front, through / (one + of.coat + of.diffuse), one - f)
         pdf = select(reflects, pdf, share * facets * of.e * of.e)
-        valid = (wo.z > zero) & (of.front | (of.glass > zero))
-        valid = valid & (reflects | ((wi.z < zero) & (out > zero) & (into < zero)))
-        value = select3(reflects, value, root * transmitted)
-        return Spectrum(value, select(valid, one, zero)), select(valid, pdf, zero)
+        valid = (wo.z > 0.0) & (of.front | (of.glass > 0.0))
+        valid = valid & (reflects | ((wi.z < 0.0) & (out > 0.0) & (into < 0.0)))
+        value = select(reflects, value, root * transmitted)
+        return Spectrum(value, select(valid, one, 0.0)), select(valid, pdf, 0.0)
 
     return value_and_pdf
 
@@ -270,7 +265,7 @@ def _make(transmission: bool, clearcoat: bool, tangents: bool) -> LaneBSDF:
 
     @inline
     def sample(parameters, si, u_lobe, u0, u1, which):
-        zero, one, two = const(0.0, si.t), const(1.0, si.t), const(2.0, si.t)
+        one = const(1.0, si.t)
         of, frame = surface_of(parameters, si), frame_of(si)
         wo = to_local(frame, -si.direction)
         u = u_lobe * (one + of.coat + of.diffuse)
@@ -279,9 +274,9 @@ def _make(transmission: bool, clearcoat: bool, tangents: bool) -> LaneBSDF:
         m = ggx_visible_normal(wo, of.ax, of.ay, u0, u1)
         facets, transmits = u < one, False
         if clearcoat:
-            m = select3(facets, m, _coat_normal(of, u0, u1))
+            m = select(facets, m, _coat_normal(of, u0, u1))
         out = dot(wo, m)
-        along, back = two * out, one
+        along, back = 2.0 * out, one
         if transmission:
             fresnel = fresnel_dielectric(out, of.e)
             reflected = select(of.front, one - of.glass * (one - fresnel.reflectance), fresnel.reflectance)
@@ -289,12 +284,12 @@ def _make(transmission: bool, clearcoat: bool, tangents: bool) -> LaneBSDF:
             along = select(transmits, out / of.e - fresnel.cos_transmitted, along)
             back = select(transmits, one / of.e, one)
         wi = m * along - wo * back
-        wi = select3(u < one + of.coat, wi, to_local(frame, cosine_direction(si.normal, u0, u1)))
+        wi = select(u < one + of.coat, wi, to_local(frame, cosine_direction(si.normal, u0, u1)))
         value, density = value_and_pdf(of, wo, wi)
-        positive = density > zero
+        positive = density > 0.0
         weight = Spectrum(value.color, value.scale / select(positive, density, one))
         # a facet that is seen from below, or reflects downwards
-        side = ((u >= one + of.coat) | (out > zero)) & (select(transmits, -wi.z, wi.z) > zero)
+        side = ((u >= one + of.coat) | (out > 0.0)) & (select(transmits, -wi.z, wi.z) > 0.0)
         return BSDFSample(to_world(frame, wi), weight, density, transmits, (which == ALL) & positive & side)
 
     return LaneBSDF(evaluate, pdf, sample, _albedos, ior=6 if transmission else None)

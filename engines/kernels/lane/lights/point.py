@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from engines.kernels.compile.jit import inline
-from engines.kernels.compile.values import const, select
+from engines.kernels.compile.values import select
 from engines.kernels.lane.lights.sample import LightSample
 from engines.kernels.lane.vector import Vec3, dot
 
@@ -15,9 +15,8 @@ from engines.kernels.lane.vector import Vec3, dot
 @inline
 def sample(light, p, normal, u0, u1):
     x, y, z, falloff = light.parameters[:4]
-    one = const(1.0, falloff)
     to = Vec3(x, y, z) - p
     square = dot(to, to)
     distance = np.sqrt(square)
-    scale = one / select(falloff > const(0.0, falloff), square, one)
-    return LightSample(to * (one / distance), distance, light.color * scale, const(math.inf, falloff))
+    scale = 1.0 / select(falloff > 0.0, square, 1.0)
+    return LightSample(to * (1.0 / distance), distance, light.color * scale, math.inf)

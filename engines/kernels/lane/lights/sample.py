@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from engines.kernels.compile.jit import inline
-from engines.kernels.compile.values import select
 from engines.kernels.compile.vec3 import Vec3
-from engines.kernels.lane.vector import select3
 
 
 class Light(NamedTuple):
@@ -29,14 +26,3 @@ class LightSample(NamedTuple):
     distance: float
     radiance: Vec3
     pdf: float
-
-
-@inline
-def choose(condition, yes, no):
-    """One of two samples, without a branch."""
-    return LightSample(
-        select3(condition, yes.wi, no.wi),
-        select(condition, yes.distance, no.distance),
-        select3(condition, yes.radiance, no.radiance),
-        select(condition, yes.pdf, no.pdf),
-    )

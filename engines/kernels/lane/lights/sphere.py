@@ -10,39 +10,39 @@ from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import const, select
 from engines.kernels.lane.lights.sample import LightSample
 from engines.kernels.lane.shapes.sphere import cone
-from engines.kernels.lane.vector import Vec3, dot, length, select3, sin_cos_turn, tangents
+from engines.kernels.lane.vector import Vec3, dot, length, sin_cos_turn, tangents
 
 
 @inline
 def sample(light, p, normal, u0, u1):
-    one, zero, two = const(1.0, u0), const(0.0, u0), const(2.0, u0)
+    zero = const(0.0, u0)
     x, y, z, radius = light.parameters[:4]
     center = Vec3(x, y, z)
     seen = cone(p, center, radius)
     sine, cosine = sin_cos_turn(u1)
     # the cone
     drop = u0 * seen.k
-    cos = one - drop
-    sin2 = drop * (two - drop)
+    cos = 1.0 - drop
+    sin2 = drop * (2.0 - drop)
     sin = np.sqrt(select(sin2 > zero, sin2, zero))
     t, b = tangents(seen.axis)
     wi = t * (sin * cosine) + b * (sin * sine) + seen.axis * cos
     inside = radius * radius - seen.distance * seen.distance * sin2
     near = seen.distance * cos - np.sqrt(select(inside > zero, inside, zero))
     # the whole surface
-    height = one - two * u0
-    ring = np.sqrt(select(one - height * height > zero, one - height * height, zero))
+    height = 1.0 - 2.0 * u0
+    ring = np.sqrt(select(1.0 - height * height > zero, 1.0 - height * height, zero))
     out = Vec3(ring * cosine, ring * sine, height)
     to = center + out * radius - p
     far = length(to)
-    wa = to * (one / far)
+    wa = to * (1.0 / far)
     facing = -dot(wa, out)
-    area_pdf = far * far / (abs(facing) * const(4.0 * math.pi, u0) * radius * radius)
+    area_pdf = far * far / (abs(facing) * (4.0 * math.pi) * radius * radius)
     by_cone = seen.pdf > zero
     pdf = select(by_cone, seen.pdf, area_pdf)
     lit = by_cone | (facing > zero) | (light.two_sided > zero)
-    radiance = select3(lit, light.color * (one / pdf), Vec3(zero, zero, zero))
-    return LightSample(select3(by_cone, wi, wa), select(by_cone, near, far), radiance, pdf)
+    radiance = select(lit, light.color * (1.0 / pdf), Vec3(zero, zero, zero))
+    return LightSample(select(by_cone, wi, wa), select(by_cone, near, far), radiance, pdf)
 
 
 @inline
@@ -50,5 +50,5 @@ def pdf(parameters, o, t, facing, n_lights):
     """Per solid angle, of a hit at distance t from o under the cosine `facing`, when one of `n_lights` lights is chosen."""
     x, y, z, radius = parameters[:4]
     by_cone = cone(o, Vec3(x, y, z), radius).pdf
-    by_area = t * t / (facing * const(4.0 * math.pi, t) * radius * radius)
-    return select(by_cone > const(0.0, t), by_cone, by_area) / n_lights
+    by_area = t * t / (facing * (4.0 * math.pi) * radius * radius)
+    return select(by_cone > 0.0, by_cone, by_area) / n_lights

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from engines.kernels.compile.jit import inline
-from engines.kernels.compile.values import const, select
+from engines.kernels.compile.values import select
 from engines.kernels.lane.arccos import arccos
 from engines.kernels.lane.lights.sample import LightSample
 from engines.kernels.lane.vector import Vec3, dot
@@ -16,14 +16,13 @@ from engines.kernels.lane.vector import Vec3, dot
 @inline
 def sample(light, p, normal, u0, u1):
     x, y, z, dx, dy, dz, cutoff, beam = light.parameters
-    one, zero = const(1.0, x), const(0.0, x)
     to = Vec3(x, y, z) - p
     square = dot(to, to)
     distance = np.sqrt(square)
-    wi = to * (one / distance)
+    wi = to * (1.0 / distance)
     theta = arccos(-dot(wi, Vec3(dx, dy, dz)))
     soft = cutoff > beam
-    falloff = (cutoff - theta) / select(soft, cutoff - beam, one)
-    falloff = select(soft & (falloff < one), falloff, one)
-    scale = select(theta < cutoff, falloff / square, zero)
-    return LightSample(wi, distance, light.color * scale, const(math.inf, x))
+    falloff = (cutoff - theta) / select(soft, cutoff - beam, 1.0)
+    falloff = select(soft & (falloff < 1.0), falloff, 1.0)
+    scale = select(theta < cutoff, falloff / square, 0.0)
+    return LightSample(wi, distance, light.color * scale, math.inf)

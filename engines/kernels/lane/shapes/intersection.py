@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from engines.kernels.compile.jit import inline
-from engines.kernels.compile.values import select
 from engines.kernels.compile.vec3 import Vec3
-from engines.kernels.lane.vector import select3
 
 
 class ShapeIntersection(NamedTuple):
@@ -25,18 +22,3 @@ class ShapeIntersection(NamedTuple):
     shading_normal: Vec3
     tangent: Vec3
     """Derivative of the point by the shape's first coordinate, of any length; 0 where it has none."""
-
-
-@inline
-def choose(condition, yes, no):
-    """One of two intersections, without a branch."""
-    return ShapeIntersection(
-        select(condition, yes.t, no.t),
-        select(condition, yes.scale, no.scale),
-        select(condition, yes.u, no.u),
-        select(condition, yes.v, no.v),
-        select3(condition, yes.point, no.point),
-        select3(condition, yes.normal, no.normal),
-        select3(condition, yes.shading_normal, no.shading_normal),
-        select3(condition, yes.tangent, no.tangent),
-    )

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from engines.kernels.compile.jit import inline
-from engines.kernels.compile.values import const, select
+from engines.kernels.compile.values import select
 from engines.kernels.lane.shapes.coordinates import Coordinates, turn_of
 from engines.kernels.lane.shapes.intersection import ShapeIntersection
 from engines.kernels.lane.vector import Vec3, dot, to_float64, to_real, unit
@@ -73,12 +73,11 @@ class Cone(NamedTuple):
 @inline
 def cone(p, center, radius):
     """The cone under which a sphere is seen from the point `p`."""
-    one, zero = const(1.0, radius), const(0.0, radius)
     to = center - p
     square = dot(to, to)
-    outside = square > const(1.0001, radius) * radius * radius
-    sin2 = select(outside, radius * radius / square, zero)
-    k = sin2 / (one + np.sqrt(one - sin2))
-    pdf = select(outside, one / (const(2.0 * math.pi, k) * select(outside, k, one)), zero)
+    outside = square > 1.0001 * radius * radius
+    sin2 = select(outside, radius * radius / square, 0.0)
+    k = sin2 / (1.0 + np.sqrt(1.0 - sin2))
+    pdf = select(outside, 1.0 / ((2.0 * math.pi) * select(outside, k, 1.0)), 0.0)
     distance = np.sqrt(square)
-    return Cone(pdf, k, to * (one / distance), distance)
+    return Cone(pdf, k, to * (1.0 / distance), distance)

@@ -10,7 +10,7 @@ from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import const, fma, select
 from engines.kernels.lane.shapes.coordinates import Coordinates
 from engines.kernels.lane.shapes.intersection import ShapeIntersection
-from engines.kernels.lane.vector import Vec3, cross, dot, select3, unit
+from engines.kernels.lane.vector import Vec3, cross, dot, unit
 
 
 class Frame(NamedTuple):
@@ -25,24 +25,23 @@ class Frame(NamedTuple):
 def ray_frame(d):
     """The shear of Woop, Benthin and Wald (2013) along the largest component of d, without their permutation of
     axes."""
-    zero, one = const(0.0, d.x), const(1.0, d.x)
     ax, ay, az = abs(d.x), abs(d.y), abs(d.z)
     along_x = (ax >= ay) & (ax >= az)
     along_y = (ay >= az) & (~along_x)
-    inverse = one / select(along_x, d.x, select(along_y, d.y, d.z))
+    inverse = 1.0 / select(along_x, d.x, select(along_y, d.y, d.z))
     sx, sy, sz = -d.x * inverse, -d.y * inverse, -d.z * inverse
     return Frame(
         Vec3(
-            select(along_x, sy, select(along_y, zero, one)),
-            select(along_x, one, select(along_y, sz, zero)),
-            select(along_x, zero, select(along_y, one, sx)),
+            select(along_x, sy, select(along_y, 0.0, 1.0)),
+            select(along_x, 1.0, select(along_y, sz, 0.0)),
+            select(along_x, 0.0, select(along_y, 1.0, sx)),
         ),
         Vec3(
-            select(along_x, sz, select(along_y, one, zero)),
-            select(along_x, zero, select(along_y, sx, one)),
-            select(along_x, one, select(along_y, zero, sy)),
+            select(along_x, sz, select(along_y, 1.0, 0.0)),
+            select(along_x, 0.0, select(along_y, sx, 1.0)),
+            select(along_x, 1.0, select(along_y, 0.0, sy)),
         ),
-        Vec3(select(along_x, inverse, zero), select(along_y, inverse, zero), select(along_x | along_y, zero, inverse)),
+        Vec3(select(along_x, inverse, 0.0), select(along_y, inverse, 0.0), select(along_x | along_y, 0.0, inverse)),
     )
 
 
@@ -87,9 +86,8 @@ def triangle_distance(a, b, c):
     low = select(w.c < low, w.c, low)
     high = select(w.a > w.b, w.a, w.b)
     high = select(w.c > high, w.c, high)
-    zero = const(0.0, a.x)
     t = (w.a * a.z + w.b * b.z + w.c * c.z) / (w.a + w.b + w.c)
-    return select((low >= zero) | (high <= zero), t, const(np.inf, a.x))
+    return select((low >= 0.0) | (high <= 0.0), t, const(np.inf, a.x))
 
 
 @inline
@@ -102,22 +100,21 @@ def triangle_normal(a, b, c):
 def intersection(o, d, a, b, c, na, nb, nc, smooth):
     """Where a ray meets the triangle a, b, c; with `smooth` the shading normal is interpolated between na, nb, nc. The
     point comes from the barycentric weights: it lies in the face however far the origin was."""
-    zero, one = const(0.0, d.x), const(1.0, d.x)
     frame = ray_frame(d)
     sa, sb, sc = shear(frame, a - o), shear(frame, b - o), shear(frame, c - o)
     w = edge_weights(sa, sb, sc)
     whole = w.a + w.b + w.c
-    inverse = one / whole
+    inverse = 1.0 / whole
     u, v = w.b * inverse, w.c * inverse
     normal = unit(triangle_normal(a, b, c))
     shading = normal
     if smooth:
         interpolated = na * (w.a * inverse) + nb * u + nc * v
         square = dot(interpolated, interpolated)
-        good = square > zero
-        shading = select3(good, interpolated * (one / np.sqrt(select(good, square, one))), normal)
+        good = square > 0.0
+        shading = select(good, interpolated * (1.0 / np.sqrt(select(good, square, 1.0))), normal)
     t = (w.a * sa.z + w.b * sb.z + w.c * sc.z) / whole
-    return ShapeIntersection(t, zero, u, v, a * (w.a * inverse) + b * u + c * v, normal, shading, b - a)
+    return ShapeIntersection(t, 0.0, u, v, a * (w.a * inverse) + b * u + c * v, normal, shading, b - a)
 
 
 class VertexUV(NamedTuple):
