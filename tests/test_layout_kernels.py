@@ -7,7 +7,7 @@ import pytest
 from tests.test_layout import MODULES, imports, targets
 
 KERNELS = "engines.kernels."
-COMPILED = {"compile.jit", "compile.values"}
+COMPILED = {"compile.dispatch", "compile.jit", "compile.values"}
 """What every room writes compiled code with."""
 
 FLOORS: dict[str, set[str]] = {
@@ -16,7 +16,15 @@ FLOORS: dict[str, set[str]] = {
     "light_rows": {"compile.records"},
     "program_rows": {"compile.records"},
     "shape_rows": {"compile.records"},
-    "layout": {"compile.jit", "compile.masks", "compile.records", "light_rows", "program_rows", "shape_rows"},
+    "layout": {
+        "compile.dispatch",
+        "compile.jit",
+        "compile.masks",
+        "compile.records",
+        "light_rows",
+        "program_rows",
+        "shape_rows",
+    },
     "lane": {*COMPILED, "compile.vec3", "features"},
     "integrators": {*COMPILED, "compile.vec3", "lane"},
     "flatten": {*COMPILED, "compile.records", "features", "lane", "layout"},
@@ -28,7 +36,17 @@ FLOORS: dict[str, set[str]] = {
     "driver": {*COMPILED, "compile.masks", "guide_records", "lane", "layout"},
     "queries": {*COMPILED, "compile.vec3", "driver", "layout"},
     "renderer": {
-        *("compile.jit", "compile.second_process", "driver", "features", "flatten", "guide_records", "layout", "queries"),
+        *(
+            "compile.dispatch",
+            "compile.jit",
+            "compile.second_process",
+            "driver",
+            "features",
+            "flatten",
+            "guide_records",
+            "layout",
+            "queries",
+        ),
         *("resolve", "stages"),
     },
     "resolve": {"flatten", "layout"},
