@@ -34,9 +34,6 @@ from engines.kernels.layout import (
     waiting_rays,
 )
 
-# places in the array of stage addresses; those of the scene's BSDF models come last
-(DRAW_PIXEL, BEGIN, CLOSEST, SURFACE, DRAW_VERTEX, LIGHT, SHADE, OCCLUDED, MATERIAL, DARK_SURFACE, TRANSMIT) = range(11)
-GUIDE, MIX, FIRST_BSDF = range(11, 14)
 # places in the control array that threads share
 STOP, NEXT_TILE, STACK_FULL = range(3)
 
@@ -123,26 +120,37 @@ class Pass(NamedTuple):
     samples: int
 
 
-class Plan(NamedTuple):
-    """Which stages the driver calls for the scene and its integrator."""
+class Stages(NamedTuple):
+    """Addresses of the stages of a scene and its integrator, in the order of calls; 0 of those that they do not need."""
 
-    lit: bool
-    """There are lights to sample."""
-    shadows: bool
+    draw_pixel: int = 0
+    camera: int = 0
+    closest: int = 0
+    surface: int = 0
+    draw_vertex: int = 0
+    material: int = 0
+    """Where some material has wrappers or textures."""
+    light: int = 0
+    """Where there are lights to sample."""
+    guide: int = 0
+    """Where directions are sampled by an SD-tree as well, and recorded for it, as `mix`."""
+    mix: int = 0
+    shade: int = 0
+    occluded: int = 0
+    dark_surface: int = 0
+    """Where shadow rays cross null lobes, as `transmit`."""
+    transmit: int = 0
+
+
+class Plan(NamedTuple):
+    """What the driver does for a scene and its integrator, besides calling stages."""
+
     branches: bool
     """Two rays may follow from one hit."""
     per_vertex: int
     """Light samples at a vertex."""
-    bsdfs: int
-    """Stages of BSDF models, where the scene has several."""
-    programs: bool
-    """Some material has wrappers or textures."""
     last_depth: int
     """See `stages.shade.last_depth`."""
-    transparent: bool
-    """Shadow rays cross null lobes."""
-    guided: bool
-    """Directions are sampled by an SD-tree as well, and recorded for it."""
 
 
 class Issued(NamedTuple):
@@ -190,8 +198,8 @@ def _begin(stages, batch, scene, work, count, lanes, real):
     begun. Lanes that are not in the word begin their sample anew."""
     rays = ray_batch(batch, real)
     _place(rays, work, count, lanes, real)
-    call_stage(stages[DRAW_PIXEL], batch, scene)
-    call_stage(stages[BEGIN], batch, scene)
+    call_stage(stages.draw_pixel, batch, scene)
+    call_stage(stages.camera, batch, scene)
     surplus, left = np.int64(0), work.samples * work.rows * work.columns - count
     while bits_set(lanes) > left:
         bit = np.int64(1) << highest_bit(lanes)
@@ -247,9 +255,9 @@ def _cross_null_lobes(rays, stages, shadows, scene, real):
         if lanes == 0:
             break
         traced += bits_set(lanes)
-        call_stage(stages[CLOSEST], shadows, scene)
-        call_stage(stages[DARK_SURFACE], shadows, scene)
-        call_stage(stages[TRANSMIT], shadows, scene)
+        call_stage(stages.closest, shadows, scene)
+        call_stage(stages.dark_surface, shadows, scene)
+        call_stage(stages.transmit, shadows, scene)
     for lane in range(np.uint64(LANES)):
         passed = select(walk.t[lane] > zero, Vec3(zero, zero, zero), walk.throughput[lane])
         rays.direct[lane] = rays.direct[lane] * passed
@@ -258,35 +266,35 @@ def _cross_null_lobes(rays, stages, shadows, scene, real):
 
 
 @inline
-def _advance(rays, stages, batch, shadows, scene, plan, records, real):
+def _advance(rays, stages, bsdfs, batch, shadows, scene, plan, records, real):
     """One segment of every path; returns the rays that were traced."""
     traced = bits_set(positive_lanes(rays.t))
-    call_stage(stages[CLOSEST], batch, scene)
-    call_stage(stages[SURFACE], batch, scene)
-    scatters = plan.programs or plan.last_depth == 0 or _some_scatter(rays, np.int32(plan.last_depth))
+    call_stage(stages.closest, batch, scene)
+    call_stage(stages.surface, batch, scene)
+    scatters = stages.material != 0 or plan.last_depth == 0 or _some_scatter(rays, np.int32(plan.last_depth))
     if scatters:
-        call_stage(stages[DRAW_VERTEX], batch, scene)
-        if plan.programs:
-            call_stage(stages[MATERIAL], batch, scene)
-        if plan.lit:
-            call_stage(stages[LIGHT], batch, scene)
-        if plan.guided:
-            call_stage(stages[GUIDE], batch, scene)
-        for k in range(plan.bsdfs):
-            call_stage(stages[FIRST_BSDF + k], batch, scene)
-        if plan.guided:
-            call_stage(stages[MIX], batch, scene)
-    call_stage(stages[SHADE], batch, scene)
-    if plan.lit:
+        call_stage(stages.draw_vertex, batch, scene)
+        if stages.material != 0:
+            call_stage(stages.material, batch, scene)
+        if stages.light != 0:
+            call_stage(stages.light, batch, scene)
+        if stages.guide != 0:
+            call_stage(stages.guide, batch, scene)
+        for bsdf in bsdfs:
+            call_stage(bsdf, batch, scene)
+        if stages.guide != 0:
+            call_stage(stages.mix, batch, scene)
+    call_stage(stages.shade, batch, scene)
+    if stages.light != 0:
         # where no ray is sent, light of sources that touch the surface may be left
         shadow_rays = positive_lanes(rays.shadow_t_max)
-        if shadow_rays != 0 and plan.transparent:
+        if shadow_rays != 0 and stages.transmit != 0:
             traced += _cross_null_lobes(rays, stages, shadows, scene, real)
         elif shadow_rays != 0:
             traced += bits_set(shadow_rays)
-            call_stage(stages[OCCLUDED], batch, scene)
+            call_stage(stages.occluded, batch, scene)
         _add_direct_light(rays, real(0), shadow_rays != 0)
-    if plan.guided and scatters:
+    if stages.guide != 0 and scatters:
         keep_records(rays, from_zero(rays.record_vertex), records)
     return traced
 
@@ -319,6 +327,7 @@ def driver(real: Any) -> Any:
 
     def drive(
         stages,
+        bsdfs,
         batch,
         spare,
         shadows,
@@ -360,11 +369,11 @@ def driver(real: Any) -> Any:
                     idle |= idle_now
                     if idle == EVERY_LANE:
                         break
-                    traced += _advance(rays, stages, batch, shadows, scene, plan, records, real)
+                    traced += _advance(rays, stages, bsdfs, batch, shadows, scene, plan, records, real)
                     free, fits = _finish(rays, stacks, capacity, plan, buffer)
                     if not fits:
                         control[STACK_FULL] = 1
-                if plan.guided:
+                if stages.guide != 0:
                     learn(work.samples * work.rows * work.columns, records, buffer)
                 _commit(buffer, work, sums, squares, even_sums, counts, totals)
                 done[tile] = first + work.samples

@@ -80,7 +80,7 @@ class Renderer:
         self._start_threads()
         self._control = np.zeros(3, np.int64)
         self._resize(scene)
-        self._addresses: NDArray[np.int64] | None = None
+        self._stages: driver.Stages | None = None
         self._ray_addresses: NDArray[np.int64] | None = None
         self._batch_bytes = batch_bytes(self._real, accelerator.scratch)
         # of each thread: its ray batch, and behind it the one in which samples begin
@@ -124,7 +124,7 @@ class Renderer:
         self._compile_seconds += compiled
         if self._wanted.size(scene) != (self.film.width, self.film.height):
             self._resize(scene)
-        self._scene, self._flat, self._addresses, self._ray_addresses = scene, flat, None, None
+        self._scene, self._flat, self._stages, self._ray_addresses = scene, flat, None, None
         self._lights_learned = not flat.features.light_cells
         self._flat.bind(SceneTable.margins, surface.margins(self._tracing))
         self._training = self._untrained()
@@ -175,14 +175,15 @@ class Renderer:
         self._flat.bind(SceneTable.points_stride, points.shape[1] + VERTEX_DRAWS)
         self._flat.bind(SceneTable.first_sample, first)
 
-    def _stages(self) -> NDArray[np.int64]:
-        """Addresses of the stages, which the first call compiles or loads."""
+    def _require_stages(self) -> driver.Stages:
+        """The stages, which the first call compiles or loads."""
         with self._preparing:
-            if self._addresses is None:
+            if self._stages is None:
                 start = time.perf_counter()
-                self._addresses = self._compiled_stages()
+                self._compile()
                 self._compile_seconds += time.perf_counter() - start
-            return self._addresses
+            assert self._stages is not None
+            return self._stages
 
     def _ray_stages(self) -> NDArray[np.int64]:
         """The same of those that single rays need: the integrator's and its lights' are not among them."""
@@ -194,76 +195,39 @@ class Renderer:
                 self._compile_seconds += time.perf_counter() - start
             return self._ray_addresses
 
-    def _compiled_stages(self) -> NDArray[np.int64]:
+    def _compile(self) -> None:
+        """Compiles or loads the driver, and the stages that the scene and its integrator need."""
         features, real, lens = self._flat.features, self._real, isinstance(self._scene.camera, ThinLens)
         integrator = shade.integrator_of(self.settings.shader)
         shading = shade.shade_features(integrator, features)
-        uses = shade.uses(integrator, shading)
-        resampled = shade.light_candidates(self.settings.shader) > 1
-        crosses = features.transparent and shading.lit
-
-        def lights() -> Any:
-            return light.stage(features, shading.every, resampled, real)
-
-        def guides() -> tuple[Any, Any]:
-            return guiding.stages(features, shading.lit, real)
-
-        def shaded_by() -> Any:
-            return shade.stage(integrator, shading, features, real)
-
-        compile_jobs(
-            [
-                self._compile_driver,
-                shaded_by,
-                lambda: surface.stage(features, real),
-                lambda: self._accelerator.stages(features, real),
-                lambda: scattering.stages(features, uses, real),
-                lambda: material.stage(features, uses, real),
-                *([lights] if shading.lit else []),
-                lambda: sampler.stages(self.settings.sampler, real, lens),
-                lambda: camera.stage(self._scene.camera, real),
-                *([lambda: surface.dark_stage(features, real), lambda: transmit.stage(features, real)] if crosses else []),
-                *([guides] if features.guided else []),
-            ]
-        )
-        closest, occluded = self._accelerator.stages(features, real)
-        draw_pixel, draw_vertex = sampler.stages(self.settings.sampler, real, lens)
-        programs, bsdfs = material.stage(features, uses, real), scattering.stages(features, uses, real)
-        shaded = shaded_by()
+        uses, resampled = shade.uses(integrator, shading), shade.light_candidates(self.settings.shader) > 1
+        jobs: dict[str, Any] = {  # fields of `driver.Stages`, and what makes them: the costly ones come first
+            "shade": lambda: shade.stage(integrator, shading, features, real),
+            "surface": lambda: surface.stage(features, real),
+            "closest occluded": lambda: self._accelerator.stages(features, real),
+            "bsdfs": lambda: scattering.stages(features, uses, real),
+        }
+        if shading.lit:
+            jobs["light"] = lambda: light.stage(features, shading.every, resampled, real)
+        if features.programs and any(uses):
+            jobs["material"] = lambda: material.stage(features, real)
+        if features.guided:
+            jobs["guide mix"] = lambda: guiding.stages(features, shading.lit, real)
+        if features.transparent and shading.lit:
+            jobs["dark_surface transmit"] = lambda: (surface.dark_stage(features, real), transmit.stage(features, real))
+        jobs["draw_pixel draw_vertex"] = lambda: sampler.stages(self.settings.sampler, real, lens)
+        jobs["camera"] = lambda: camera.stage(self._scene.camera, real)
+        compile_jobs([self._compile_driver, *jobs.values()])
+        made = {names: job() for names, job in jobs.items()}
+        self._kept = made  # machine code lives as long as its stage
+        self._bsdfs = np.array([stage.address for stage in made["bsdfs"]], np.int64)
+        addresses: dict[str, int] = {}
+        for names in jobs.keys() - {"bsdfs"}:
+            several = made[names] if isinstance(made[names], tuple) else (made[names],)
+            addresses |= {name: stage.address for name, stage in zip(names.split(), several, strict=True)}
+        self._stages = driver.Stages(**addresses)
         per_vertex = max(int(self._flat.table[SceneTable.n_lights.first]), 1) if shading.every else 1
-        self._plan = driver.Plan(
-            shading.lit,
-            shading.shadows,
-            shading.branches,
-            per_vertex,
-            len(bsdfs),
-            programs is not None,
-            shade.last_depth(self.settings.shader, features),
-            crosses,
-            features.guided,
-        )
-        order = [
-            draw_pixel,
-            camera.stage(self._scene.camera, real),
-            closest,
-            surface.stage(features, real),
-            draw_vertex,
-            lights() if shading.lit else shaded,
-            shaded,
-            occluded,
-        ]
-        walk = [surface.dark_stage(features, real), transmit.stage(features, real)] if crosses else []
-        guide = guides() if features.guided else ()
-        self._kept = [
-            *order,
-            *([programs] if programs else []),
-            *walk,
-            *guide,
-            *bsdfs,
-        ]  # machine code lives as long as its stage
-        last = [programs.address if programs else 0, *([stage.address for stage in walk] or [0, 0])]
-        last += [*([stage.address for stage in guide] or [0, 0]), *(stage.address for stage in bsdfs)]
-        return np.array([*(stage.address for stage in order), *last], np.int64)
+        self._plan = driver.Plan(shading.branches, per_vertex, shade.last_depth(self.settings.shader, features))
 
     # ---- rendering ---------------------------------------------------------------------------------------------------
 
@@ -288,7 +252,7 @@ class Renderer:
         """Adds `spp` samples per pixel; see `engines.interface.Renderer`."""
         with self._guard.rendering():
             self._control[driver.STOP] = 0
-            self._stages()
+            self._require_stages()
             self._learn_lights()
             first = self.film.spp
             step = 1 if on_pass else SAMPLES_A_TABLE
@@ -338,11 +302,12 @@ class Renderer:
         return rays
 
     def _drive_once(self, film: Film, tiles: NDArray[np.int32], done: NDArray[np.int64], target: int) -> int:
-        stages, plan = self._stages(), self._plan  # before the next line: compiling the driver takes a tile
+        stages = self._require_stages()  # before the next line: compiling the driver takes a tile
+        bsdfs, plan = self._bsdfs, self._plan
         self._control[driver.NEXT_TILE] = self._control[driver.STACK_FULL] = 0
 
         def work(memory: NDArray[np.uint8], stack: NDArray[np.uint8]) -> NDArray[np.int64]:
-            return self._call_driver(stages, plan, film, tiles, done, target, memory, stack)
+            return self._call_driver(stages, bsdfs, plan, film, tiles, done, target, memory, stack)
 
         futures = [self._pool.submit(work, *parts) for parts in zip(self._memory, self._stacks, strict=True)]
         try:
@@ -356,7 +321,8 @@ class Renderer:
 
     def _call_driver(
         self,
-        stages: NDArray[np.int64],
+        stages: driver.Stages,
+        bsdfs: NDArray[np.int64],
         plan: driver.Plan,
         film: Film,
         tiles: NDArray[np.int32],
@@ -366,13 +332,14 @@ class Renderer:
         stack: NDArray[np.uint8],
     ) -> NDArray[np.int64]:
         """What one thread does; returns the driver's totals."""
-        shadows = aligned(self._batch_bytes if plan.transparent else 0)
+        shadows = aligned(self._batch_bytes if stages.transmit else 0)
         totals = np.zeros(2, np.int64)
         buffer = np.empty(3 * CHUNK * driver.TILE**2, self._real)
-        records = records_of(CHUNK * driver.TILE**2 if plan.guided else 0, self._guide_totals(), self._real)
+        records = records_of(CHUNK * driver.TILE**2 if stages.guide else 0, self._guide_totals(), self._real)
         sums = [array.reshape(-1) for array in (film.sums, film.squares, film.even_sums)]
         driver.driver(self._real)(
             stages,
+            bsdfs,
             memory.ctypes.data,
             memory.ctypes.data + self._batch_bytes,
             shadows.ctypes.data,
@@ -396,9 +363,9 @@ class Renderer:
 
     def _compile_driver(self) -> None:
         """Compiles or loads the driver, by a call without tiles."""
-        stages, plan = np.zeros(1, np.int64), driver.Plan(False, False, False, 1, 0, False, 0, False, False)
+        stages, bsdfs, plan = driver.Stages(), np.zeros(0, np.int64), driver.Plan(False, 1, 0)
         nothing = self._tiles[:0], self._done[:0], 0
-        self._call_driver(stages, plan, self.film, *nothing, self._memory[0], self._stacks[0])
+        self._call_driver(stages, bsdfs, plan, self.film, *nothing, self._memory[0], self._stacks[0])
 
     def _count(self, rays: int) -> None:
         with self._counting:
@@ -420,7 +387,7 @@ class Renderer:
             elif camera is not None:
                 if self._wanted.size(scene) != (self.film.width, self.film.height):
                     self._resize(scene)
-                self._scene, self._addresses = scene, None
+                self._scene, self._stages = scene, None
                 self._bind_camera()
             self._done[:] = 0
             self.film.clear()

@@ -8,7 +8,7 @@ import numba
 from engines.errors import Unsupported
 from engines.packages import install
 
-OLDEST, NEWEST = (0, 68), (0, 68)
+OLDEST, NEWEST = (0, 67), (0, 68)
 """The versions of Numba between which the modules here were tested: they use parts of it that are not public."""
 
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import const, select
+from engines.kernels.lane.target import sqrt
 
 
 @inline
@@ -23,7 +22,7 @@ def arccos(x):
     q = -6.88283971605453293030e-01 + z * 7.70381505559019352791e-02
     q = 1.0 + z * (-2.40339491173441421878 + z * (2.02094576023350569471 + z * q))
     ratio = p / q
-    root = np.sqrt(z)
+    root = sqrt(z)
     far = 2.0 * (root + root * ratio)
     far = select(x < 0.0, math.pi - far, far)
     return select(small, const(math.pi / 2, x) - (x + x * ratio), far)

@@ -7,10 +7,9 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import const, exponent_of, mantissa_of, polynomial, power_of_two, select
+from engines.kernels.lane.target import floor, sqrt
 
 LOWEST = -87.0
 """exp of what lies below is 0: so near to it are the smallest normal numbers of float32."""
@@ -93,7 +92,7 @@ def exp(x):
     """e^x for x <= 88; 0 below -87."""
     lowest = const(LOWEST, x)
     held = select(x > lowest, x, lowest)
-    n = np.floor(held * const(1.0 / math.log(2.0), x) + 0.5)
+    n = floor(held * const(1.0 / math.log(2.0), x) + 0.5)
     rest = held - n * _LN2_HIGH - n * _LN2_LOW
     return select(x > lowest, _exp(rest) * power_of_two(n), 0.0)
 
@@ -127,5 +126,5 @@ def erf(x):
 def rough_erfinv(x):
     """The inverse error function of |x| < 1, with errors below 4e-7 where 1 - |x| is above 2^-24."""
     w = -log((1.0 - x) * (1.0 + x))
-    tail = _erfinv_tail(np.sqrt(select(w > 0.0, w, 1.0)) - 3.0)
+    tail = _erfinv_tail(sqrt(select(w > 0.0, w, 1.0)) - 3.0)
     return x * select(w < 5.0, _erfinv_middle(w - 2.5), tail)

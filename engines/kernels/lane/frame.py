@@ -5,10 +5,9 @@ from __future__ import annotations
 from functools import cache
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import select
+from engines.kernels.lane.target import sqrt
 from engines.kernels.lane.vector import Vec3, cross, dot, tangents
 
 
@@ -33,7 +32,7 @@ def frame_of_tangent(n, tangent):
     across = tangent - n * dot(n, tangent)
     square = dot(across, across)
     good = square > 1e-8 * dot(tangent, tangent)
-    s = across * (1.0 / np.sqrt(select(good, square, 1.0)))
+    s = across * (1.0 / sqrt(select(good, square, 1.0)))
     s0, t0 = tangents(n)
     s = select(good, s, s0)
     return Frame(s, select(good, cross(n, s), t0), n)

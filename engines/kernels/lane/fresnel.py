@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import select
 from engines.kernels.compile.vec3 import Vec3
+from engines.kernels.lane.target import sqrt
 from engines.kernels.lane.vector import dot
 
 
@@ -41,7 +40,7 @@ def fresnel_dielectric(c1, eta):
     c1 = select(c1 > 1.0, 1.0, c1)
     s2 = (1.0 - c1 * c1) / (eta * eta)
     total = s2 >= 1.0
-    c2 = np.sqrt(select(total, 0.0, 1.0 - s2))
+    c2 = sqrt(select(total, 0.0, 1.0 - s2))
     across = (c1 - eta * c2) / (c1 + eta * c2)
     along = (eta * c1 - c2) / (eta * c1 + c2)
     return Interface(select(total, 1.0, 0.5 * across * across + 0.5 * along * along), c2, total)
@@ -68,9 +67,9 @@ def _conductor_channel(c, eta, k):
     s2 = 1.0 - c * c
     g = eta * eta - k * k - s2
     twice = 2.0 * eta * k
-    b = np.sqrt(g * g + twice * twice)
+    b = sqrt(g * g + twice * twice)
     square = 0.5 * (b + g)
-    a = np.sqrt(select(square > 0.0, square, 0.0))
+    a = sqrt(select(square > 0.0, square, 0.0))
     perpendicular = (b + c * c - 2.0 * a * c) / (b + c * c + 2.0 * a * c)
     bc, cross = b * c * c + s2 * s2, 2.0 * a * c * s2
     return 0.5 * perpendicular * (1.0 + (bc - cross) / (bc + cross))

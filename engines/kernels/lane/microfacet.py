@@ -8,11 +8,10 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import const, select
 from engines.kernels.lane.exponential import LARGEST_ERROR_ARGUMENT, erfcx, exp, log, rough_erfinv
+from engines.kernels.lane.target import sqrt
 from engines.kernels.lane.vector import Vec3, dot, sin_cos_turn, unit
 
 SMALLEST_TAIL = 2.0**-25
@@ -46,7 +45,7 @@ def ggx_density(m, ax, ay):
 def ggx_masking(v, ax, ay):
     """Smith's G1(v), for v.z above 0."""
     x, y = ax * v.x, ay * v.y
-    return 2.0 / (1.0 + np.sqrt(1.0 + (x * x + y * y) / (v.z * v.z)))
+    return 2.0 / (1.0 + sqrt(1.0 + (x * x + y * y) / (v.z * v.z)))
 
 
 @inline
@@ -56,7 +55,7 @@ def ggx_visible_normal(wo, ax, ay, u0, u1):
     k = u0 * (1.0 + v.z)
     sine, cosine = sin_cos_turn(u1)
     square = k * (2.0 - k)
-    ring = np.sqrt(select(square > 0.0, square, 0.0))
+    ring = sqrt(select(square > 0.0, square, 0.0))
     h = Vec3(ring * cosine + v.x, ring * sine + v.y, (1.0 - u0) * (1.0 + v.z))
     return unit(Vec3(ax * h.x, ay * h.y, h.z))
 
@@ -74,7 +73,7 @@ def beckmann_density(m, ax, ay):
 def _cot(v, ax, ay):
     """cot(theta) of `v` on the surface that is stretched to roughness 1; inf at the pole."""
     x, y = ax * v.x, ay * v.y
-    return abs(v.z) / np.sqrt(x * x + y * y)
+    return abs(v.z) / sqrt(x * x + y * y)
 
 
 @inline
@@ -173,7 +172,7 @@ def beckmann_visible_normal(wo, ax, ay, u0, u1):
     v = unit(Vec3(ax * wo.x, ay * wo.y, wo.z))
     square = v.x * v.x + v.y * v.y
     tilted = square > zero
-    sine = np.sqrt(square)
+    sine = sqrt(square)
     scale = one / select(tilted, sine, one)
     cos_phi, sin_phi = select(tilted, v.x * scale, one), v.y * scale
     u0, u1 = _held(u0), _held(u1)
@@ -192,5 +191,5 @@ def half_vector(wo, wi):
     m = wo + wi
     square = dot(m, m)
     good = square > 0.0
-    scale = 1.0 / np.sqrt(select(good, square, 1.0))
+    scale = 1.0 / sqrt(select(good, square, 1.0))
     return Vec3(m.x * scale, m.y * scale, select(good, m.z * scale, 1.0))

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import select
+from engines.kernels.lane.target import sqrt
 from engines.kernels.lane.vector import dot, sin_cos_turn, tangents
 
 
 @inline
 def cosine_direction(n, u0, u1):
     """A direction about n with pdf cos/pi per solid angle."""
-    radius = np.sqrt(u0)
+    radius = sqrt(u0)
     sine, cosine = sin_cos_turn(u1)
     t, b = tangents(n)
-    return t * (radius * cosine) + b * (radius * sine) + n * np.sqrt(1.0 - u0)
+    return t * (radius * cosine) + b * (radius * sine) + n * sqrt(1.0 - u0)
 
 
 @inline

@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import select
 from engines.kernels.lane.frame import frame_of_tangent, to_world
+from engines.kernels.lane.target import sqrt
 from engines.kernels.lane.vector import Vec3, cross, dot
 
 
@@ -87,5 +86,5 @@ def terminator(outer, normal, wi):
     """The factor that softens the shadow's edge where `normal` is tilted from `outer` (Estevez, Lecocq and Stein 2019)."""
     alpha2 = _tan2(outer, normal) / 8.0
     alpha2 = select(alpha2 < 1.0, alpha2, 1.0)
-    factor = 2.0 / (1.0 + np.sqrt(1.0 + alpha2 * _tan2(outer, wi)))
+    factor = 2.0 / (1.0 + sqrt(1.0 + alpha2 * _tan2(outer, wi)))
     return select(alpha2 > 0.0, factor, 1.0)

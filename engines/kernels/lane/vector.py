@@ -7,6 +7,7 @@ import numpy as np
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import select
 from engines.kernels.compile.vec3 import Vec3
+from engines.kernels.lane.target import floor, sqrt
 
 
 @inline
@@ -24,7 +25,7 @@ def cross(a, b):
 @inline
 def length(a):
     """Euclidean."""
-    return np.sqrt(dot(a, a))
+    return sqrt(dot(a, a))
 
 
 @inline
@@ -82,7 +83,7 @@ def sin_cos_turn(u):
 
     Coefficients of fdlibm's kernel sine and cosine (Sun Microsystems 1993).
     """
-    quarter = np.floor(u * 4.0 + 0.5)
+    quarter = floor(u * 4.0 + 0.5)
     x = (u - quarter / 4.0) * 6.283185307179586
     z = x * x
     s = -2.50507602534068634195e-08 + z * 1.58969099521155010221e-10

@@ -19,7 +19,6 @@ from engines.kernels.features import SceneFeatures, per_features
 from engines.kernels.flatten.lookups import LUMINANCE
 from engines.kernels.flatten.programs import BLEND, BUMP, LEAF, MASK, PREFETCHED, SIDES, THROUGH
 from engines.kernels.flatten.shapes import PLANE, SPHERE, analytic_shape
-from engines.kernels.integrators.interface import Uses
 from engines.kernels.lane import tilt
 from engines.kernels.lane.shapes import plane, sphere, triangle
 from engines.kernels.lane.shapes.coordinates import Coordinates
@@ -298,13 +297,7 @@ def _make(features: SceneFeatures, real: Any) -> Any:
     return material
 
 
-def stage(features: SceneFeatures, uses: Uses, real: Any) -> Any:
-    """The material stage of a scene; None where no material has a program, or nobody asks for the BSDF."""
-    if not features.programs or not any(uses):
-        return None
-    return _stage(features, real)
-
-
 @per_features
-def _stage(features: SceneFeatures, real: Any) -> Any:
+def stage(features: SceneFeatures, real: Any) -> Any:
+    """The material stage of a scene where some material has a program."""
     return compile_stage(_make(features, real))

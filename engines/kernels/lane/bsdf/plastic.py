@@ -21,6 +21,7 @@ from engines.kernels.lane.frame import frame_at, to_local, to_world
 from engines.kernels.lane.fresnel import fresnel_dielectric, reflect
 from engines.kernels.lane.microfacet import Distribution, half_vector
 from engines.kernels.lane.sampling import cosine_direction, cosine_pdf
+from engines.kernels.lane.target import floor
 from engines.kernels.lane.vector import Vec3, dot, largest
 
 PARAMETERS = 12
@@ -102,7 +103,7 @@ def _transmittance(tables, first, cos):
     first = select(first > 1.0, first, 1.0)
     x = select(cos < 1.0, cos, 1.0) * const(NODES - 1, cos)
     x = select(x > 0.0, x, 0.0)
-    node = np.floor(x)
+    node = floor(x)
     node = select(node < last, node, last)
     index = np.int32(first) + np.int32(node)
     low, high = tables[index], tables[index + np.int32(1)]

@@ -11,8 +11,6 @@ import math
 from functools import cache
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import const, select
 from engines.kernels.features import SceneFeatures
@@ -22,6 +20,7 @@ from engines.kernels.lane.frame import frame_at, to_local, to_world
 from engines.kernels.lane.fresnel import fresnel_dielectric
 from engines.kernels.lane.microfacet import ggx_density, ggx_masking, ggx_visible_normal, half_vector
 from engines.kernels.lane.sampling import cosine_direction
+from engines.kernels.lane.target import sqrt
 from engines.kernels.lane.vector import Vec3, dot, sin_cos_turn
 
 PARAMETERS = 14
@@ -81,7 +80,7 @@ def _albedos(parameters, si):
 def _schlick(of, cos):
     """The weight of white in Schlick's reflectance: of the cosine in the thinner medium."""
     inside = 1.0 - (1.0 - cos * cos) / (of.eta * of.eta)
-    inside = np.sqrt(select(inside > 0.0, inside, 0.0))
+    inside = sqrt(select(inside > 0.0, inside, 0.0))
     return _fifth(select(of.eta > 1.0, cos, inside))
 
 
@@ -129,8 +128,8 @@ def _coat_normal(of, u0, u1):
     square = (1.0 - exp((1.0 - u1) * log(of.coat_square))) / (1.0 - of.coat_square)
     sine, cosine = sin_cos_turn(u0)
     across = 1.0 - square
-    ring = np.sqrt(select(across > 0.0, across, 0.0))
-    return Vec3(ring * cosine, ring * sine, np.sqrt(select(square > 0.0, square, 0.0)))
+    ring = sqrt(select(across > 0.0, across, 0.0))
+    return Vec3(ring * cosine, ring * sine, sqrt(select(square > 0.0, square, 0.0)))
 
 
 @cache
@@ -156,7 +155,7 @@ def _make_surface_of(transmission: bool, clearcoat: bool) -> Any:
             parameters[13],
         )
         zero, least = const(0.0, r), const(0.001, r)
-        aspect = np.sqrt(1.0 - 0.9 * anisotropic)
+        aspect = sqrt(1.0 - 0.9 * anisotropic)
         ax, ay = roughness * roughness / aspect, roughness * roughness * aspect
         ax, ay = select(ax > least, ax, least), select(ay > least, ay, least)
         luminance = 0.212671 * r + 0.715160 * g + 0.072169 * b
@@ -234,7 +233,7 @@ def _make_value_and_pdf(transmission: bool, clearcoat: bool) -> Any:
         across = out + of.e * into
         facets = facets * out * abs(into) / (across * across)
         transmitted = of.glass * (one - f) * facets * shadowing
-        root = Vec3(np.sqrt(of.base.x), np.sqrt(of.base.y), np.sqrt(of.base.z))
+        root = Vec3(sqrt(of.base.x), sqrt(of.base.y), sqrt(of.base.z))
         share = select(of.front, through / (one + of.coat + of.diffuse), one - f)
         pdf = select(reflects, pdf, share * facets * of.e * of.e)
         valid = (wo.z > 0.0) & (of.front | (of.glass > 0.0))

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import select
 from engines.kernels.lane.lights.sample import LightSample
+from engines.kernels.lane.target import sqrt
 from engines.kernels.lane.vector import Vec3, dot, length, sin_cos_turn, tangents
 
 
@@ -18,7 +17,7 @@ def sample(light, p, normal, u0, u1):
     n = Vec3(nx, ny, nz)
     sine, cosine = sin_cos_turn(u1)
     t, b = tangents(n)
-    r = radius * np.sqrt(u0)
+    r = radius * sqrt(u0)
     to = Vec3(x, y, z) + t * (r * cosine) + b * (r * sine) - p
     distance = length(to)
     wi = to * (1.0 / distance)

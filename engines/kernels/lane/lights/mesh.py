@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import select
 from engines.kernels.lane.lights.sample import LightSample
+from engines.kernels.lane.target import sqrt
 from engines.kernels.lane.vector import Vec3, dot, length, unit
 
 
 @inline
 def sample(light, p, normal, u0, u1):
     a, b, c = light.vertex0, light.vertex1, light.vertex2
-    su = np.sqrt(u0)
+    su = sqrt(u0)
     on_light = a * (1.0 - su) + b * (su * (1.0 - u1)) + c * (su * u1)
     to = on_light - p
     distance = length(to)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import select
 from engines.kernels.lane.lights.sample import LightSample
+from engines.kernels.lane.target import sqrt
 from engines.kernels.lane.vector import Vec3, dot
 
 
@@ -17,6 +16,6 @@ def sample(light, p, normal, u0, u1):
     x, y, z, falloff = light.parameters[:4]
     to = Vec3(x, y, z) - p
     square = dot(to, to)
-    distance = np.sqrt(square)
+    distance = sqrt(square)
     scale = 1.0 / select(falloff > 0.0, square, 1.0)
     return LightSample(to * (1.0 / distance), distance, light.color * scale, math.inf)

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import const, select
 from engines.kernels.lane.lights.sample import LightSample
 from engines.kernels.lane.shapes.sphere import cone
+from engines.kernels.lane.target import sqrt
 from engines.kernels.lane.vector import Vec3, dot, length, sin_cos_turn, tangents
 
 
@@ -24,14 +23,14 @@ def sample(light, p, normal, u0, u1):
     drop = u0 * seen.k
     cos = 1.0 - drop
     sin2 = drop * (2.0 - drop)
-    sin = np.sqrt(select(sin2 > zero, sin2, zero))
+    sin = sqrt(select(sin2 > zero, sin2, zero))
     t, b = tangents(seen.axis)
     wi = t * (sin * cosine) + b * (sin * sine) + seen.axis * cos
     inside = radius * radius - seen.distance * seen.distance * sin2
-    near = seen.distance * cos - np.sqrt(select(inside > zero, inside, zero))
+    near = seen.distance * cos - sqrt(select(inside > zero, inside, zero))
     # the whole surface
     height = 1.0 - 2.0 * u0
-    ring = np.sqrt(select(1.0 - height * height > zero, 1.0 - height * height, zero))
+    ring = sqrt(select(1.0 - height * height > zero, 1.0 - height * height, zero))
     out = Vec3(ring * cosine, ring * sine, height)
     to = center + out * radius - p
     far = length(to)

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import select
 from engines.kernels.lane.arccos import arccos
 from engines.kernels.lane.lights.sample import LightSample
+from engines.kernels.lane.target import sqrt
 from engines.kernels.lane.vector import Vec3, dot
 
 
@@ -18,7 +17,7 @@ def sample(light, p, normal, u0, u1):
     x, y, z, dx, dy, dz, cutoff, beam = light.parameters
     to = Vec3(x, y, z) - p
     square = dot(to, to)
-    distance = np.sqrt(square)
+    distance = sqrt(square)
     wi = to * (1.0 / distance)
     theta = arccos(-dot(wi, Vec3(dx, dy, dz)))
     soft = cutoff > beam

@@ -55,9 +55,9 @@ def distance(o, d, p):
     one, two = c / select(q == 0.0, 1.0, q), q / divisor
     near, far = select(one < two, one, two), select(one < two, two, one)
     at_near, at_far = start.share + slope.share * near, start.share + slope.share * far
-    t = select((far > 0.0) & (at_far >= 0.0) & (at_far <= 1.0), far, np.inf)
+    t = select((far > 0.0) & (at_far >= 0.0) & (at_far <= 1.0), far, math.inf)
     t = select((near > 0.0) & (at_near >= 0.0) & (at_near <= 1.0), near, t)
-    return select((discriminant >= 0.0) & (a > 0.0), t, np.inf)
+    return select((discriminant >= 0.0) & (a > 0.0), t, math.inf)
 
 
 @inline
@@ -67,7 +67,7 @@ def intersection(o, d, p, real):
     o, d = to_float64(o), to_float64(d)
     t = distance(o, d, p)
     square = dot(axis, axis)
-    found = _split(o + d * select(t < np.inf, t, 0.0) - end, axis, square)
+    found = _split(o + d * select(t < math.inf, t, 0.0) - end, axis, square)
     out = unit(found.across)
     normal, zero = to_real(out, real), real(0)
     tangent = to_real(cross(axis, out) * (2.0 * math.pi * radius / math.sqrt(square)), real)

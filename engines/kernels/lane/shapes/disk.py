@@ -20,7 +20,7 @@ def distance(o, d, p):
     center, normal = Vec3(p[0], p[1], p[2]), Vec3(p[3], p[4], p[5])
     t = plane_distance(o, d, center, normal)
     out = o + d * t - center
-    return select((t > 0.0) & (dot(out, out) <= p[6] * p[6]), t, np.inf)
+    return select((t > 0.0) & (dot(out, out) <= p[6] * p[6]), t, math.inf)
 
 
 @inline
@@ -28,7 +28,7 @@ def intersection(o, d, p, real):
     """Where a ray (o, d in `real`) meets the disk, put back into its plane."""
     center, normal = Vec3(p[0], p[1], p[2]), Vec3(p[3], p[4], p[5])
     t = distance(to_float64(o), to_float64(d), p)
-    found = to_float64(o) + to_float64(d) * select(t < np.inf, t, 0.0)
+    found = to_float64(o) + to_float64(d) * select(t < math.inf, t, 0.0)
     found = found + normal * dot(normal, center - found)
     out, zero = to_real(normal, real), real(0)
     tangent = to_real(found - center, real)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
+import math
 
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import select
@@ -16,7 +16,7 @@ def plane_distance(o, d, point, normal):
     """Distance to an infinite plane, in float64; NaN, inf or negative where it is missed."""
     slope = dot(normal, d)
     t = dot(normal, point - o) / select(slope == 0.0, 1.0, slope)
-    return select(slope == 0.0, np.inf, t)
+    return select(slope == 0.0, math.inf, t)
 
 
 @inline

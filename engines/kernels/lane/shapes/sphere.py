@@ -11,6 +11,7 @@ from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import select
 from engines.kernels.lane.shapes.coordinates import Coordinates, turn_of
 from engines.kernels.lane.shapes.intersection import ShapeIntersection
+from engines.kernels.lane.target import sqrt
 from engines.kernels.lane.vector import Vec3, dot, to_float64, to_real, unit
 
 _ON_SPHERE = 4.0 * float(np.finfo(np.float64).eps)
@@ -35,7 +36,7 @@ def sphere_distance(o, d, center, radius):
     one, two = c / select(q == 0.0, 1.0, q), q / a
     near, far = select(one < two, one, two), select(one < two, two, one)
     t = select(near > 0.0, near, far)
-    return select((discriminant >= 0.0) & (t > 0.0), t, np.inf)
+    return select((discriminant >= 0.0) & (t > 0.0), t, math.inf)
 
 
 @inline
@@ -77,7 +78,7 @@ def cone(p, center, radius):
     square = dot(to, to)
     outside = square > 1.0001 * radius * radius
     sin2 = select(outside, radius * radius / square, 0.0)
-    k = sin2 / (1.0 + np.sqrt(1.0 - sin2))
+    k = sin2 / (1.0 + sqrt(1.0 - sin2))
     pdf = select(outside, 1.0 / ((2.0 * math.pi) * select(outside, k, 1.0)), 0.0)
-    distance = np.sqrt(square)
+    distance = sqrt(square)
     return Cone(pdf, k, to * (1.0 / distance), distance)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
-
-import numpy as np
 
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import const, fma, select
 from engines.kernels.lane.shapes.coordinates import Coordinates
 from engines.kernels.lane.shapes.intersection import ShapeIntersection
+from engines.kernels.lane.target import sqrt
 from engines.kernels.lane.vector import Vec3, cross, dot, unit
 
 
@@ -87,7 +87,7 @@ def triangle_distance(a, b, c):
     high = select(w.a > w.b, w.a, w.b)
     high = select(w.c > high, w.c, high)
     t = (w.a * a.z + w.b * b.z + w.c * c.z) / (w.a + w.b + w.c)
-    return select((low >= 0.0) | (high <= 0.0), t, const(np.inf, a.x))
+    return select((low >= 0.0) | (high <= 0.0), t, const(math.inf, a.x))
 
 
 @inline
@@ -112,7 +112,7 @@ def intersection(o, d, a, b, c, na, nb, nc, smooth):
         interpolated = na * (w.a * inverse) + nb * u + nc * v
         square = dot(interpolated, interpolated)
         good = square > 0.0
-        shading = select(good, interpolated * (1.0 / np.sqrt(select(good, square, 1.0))), normal)
+        shading = select(good, interpolated * (1.0 / sqrt(select(good, square, 1.0))), normal)
     t = (w.a * sa.z + w.b * sb.z + w.c * sc.z) / whole
     return ShapeIntersection(t, 0.0, u, v, a * (w.a * inverse) + b * u + c * v, normal, shading, b - a)
 
