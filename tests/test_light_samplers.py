@@ -173,7 +173,7 @@ def test_lights_are_chosen_as_often_as_their_probability_says(name, opaque):
         places = [np.repeat(vector[:, None], steps, axis=1) for vector in (point, normal)]
         found = sampler.choose(*places, (np.arange(steps) + 0.5) / steps)
         every = np.arange(count)
-        probability = 1.0 / sampler.choices(every, *(vector[:, :count] for vector in places))
+        probability = 1.0 / sampler.inverse_pmf(every, *(vector[:, :count] for vector in places))
         assert (found.light < count).all() and (found.uc >= 0.0).all() and (found.uc < 1.0).all()
         seen = np.bincount(found.light[found.light >= 0], minlength=count) / steps
         intervals = 16 if name == "spatial" else 1
@@ -194,7 +194,7 @@ def test_every_light_that_reaches_a_surface_may_be_chosen(name, opaque):
         reaches = (sample.weight > 0.0).any(axis=0)
         if opaque:
             reaches &= (normal * sample.wi).sum(axis=0) > 0.0
-        assert np.isfinite(context.light_sampler.choices(chosen, point, normal)[reaches]).all(), light
+        assert np.isfinite(context.light_sampler.inverse_pmf(chosen, point, normal)[reaches]).all(), light
 
 
 def test_the_bounds_of_a_hierarchy_hold_all_lights_below():
@@ -295,4 +295,4 @@ def test_a_cell_knows_the_light_beside_it_and_one_side_from_the_other():
     point = np.array([[0.0, 0.1, 0.0]] * 2).T
     for side, light in ((-1.0, 0), (1.0, 1)):
         facing = np.array([[side, 0.0, 0.0]] * 2).T
-        assert 1.0 / sampler.choices(np.array([light]), point[:, :1], facing[:, :1]) > 0.9
+        assert 1.0 / sampler.inverse_pmf(np.array([light]), point[:, :1], facing[:, :1]) > 0.9

@@ -39,8 +39,9 @@ from engines.kernels.shape_rows import SHAPE_PARAMETERS, AnalyticRow, PlaneRow, 
 BSDF_PARAMETERS = 15
 SHADER_OPTIONS = 8
 """Numbers in the scene's options that belong to the integrator."""
+POINT_U0, POINT_U1, LIGHT, LOBE, DIRECTION_U0, DIRECTION_U1, ROULETTE = range(7)
+"""The random numbers of a vertex: the place on the light, which light, the lobe, the direction, roulette."""
 VERTEX_DRAWS = 7
-"""Random numbers of a vertex: two places on the light, which light, the lobe, two of the direction, roulette."""
 LIGHT_CANDIDATES = 32
 """Light samples at a vertex of which one is taken, at most."""
 VERTEX_DIMENSIONS = 8
@@ -105,7 +106,7 @@ class RayBatch(LaneRecord):
     primitive_light = integer()  # index of the light that a primitive belongs to, -1 for none
     light_parameters = reals(LIGHT_PARAMETERS)
     light_color = vector()
-    light_choices = real()  # 1 / the probability with which this light would be chosen, where it differs between lights
+    light_inverse_pmf = real()  # 1 / the probability with which this light would be chosen, where it differs between lights
     shape_parameters = doubles(SHAPE_PARAMETERS)
     kept = doubles(8)  # what a stage keeps between its loops, as the next two
     kept_row, kept_column = integer(), integer()
@@ -302,7 +303,7 @@ class SceneTable(Table):
     light_cdf = array(np.float64)  # by area, of each range of faces
     light_ranges = rows(RangeRow)
     light_cumulative = array(np.float64)  # by power; like the next one where the integrator chooses lights so
-    light_choices = array(REAL)  # 1 / the probability of each, in a hierarchy of each without a box
+    light_inverse_pmf = array(REAL)  # 1 / the probability of each, in a hierarchy of each without a box
     # of a hierarchy of lights (`engines.kernels.flatten.light_samplers`)
     light_nodes = array(REAL)  # eight children each
     light_children = array(np.int32)  # eight a node: index of a node, or -1 - index of a light
@@ -395,10 +396,17 @@ __all__ = [
     "ACCELERATOR",
     "BSDF_PARAMETERS",
     "CAMERA_DIMENSIONS",
+    "DIRECTION_U0",
+    "DIRECTION_U1",
     "LANES",
+    "LIGHT",
     "LIGHT_PARAMETERS",
+    "LOBE",
     "MOST_NULL_LOBES",
     "PATH_NUMBERS",
+    "POINT_U0",
+    "POINT_U1",
+    "ROULETTE",
     "SHADER_OPTIONS",
     "SHAPE_PARAMETERS",
     "SLOTS",

@@ -27,27 +27,27 @@ class SampledLight(NamedTuple):
     """n light samples, one a vertex. No sample: its `weight` is 0."""
 
     light: LightSample
-    choices: Array
+    inverse_pmf: Array
     """(n,) 1 / the probability with which the light sampler chooses the light."""
     scale: Array
-    """(n,) the factor that makes `light.weight` an estimate of all lights: `choices`, unless candidates were resampled."""
+    """(n,) the factor that makes `light.weight` an estimate of all lights: `inverse_pmf`, unless candidates were resampled."""
 
     def take(self, vertices: Indices) -> SampledLight:
         """Some of the samples."""
         light = LightSample(*(field.take(vertices, axis=-1) for field in self.light))
-        return SampledLight(light, self.choices[vertices], self.scale[vertices])
+        return SampledLight(light, self.inverse_pmf[vertices], self.scale[vertices])
 
 
 def sample_light(context: Context, at: SurfaceInteraction, u0: Array, u1: Array, u: Array) -> SampledLight:
     """A light by `u` (n,), and a place on it by `u0` and `u1` (n,). With `direct: bsdf` delta lights only are sampled."""
-    chosen, rest, choices = context.light_sampler.choose(at.point, at.geometric, u)
+    chosen, rest, inverse_pmf = context.light_sampler.choose(at.point, at.geometric, u)
     useful = chosen >= 0
     if context.options["direct"] == "bsdf":
         useful &= context.lights.delta[chosen]
     kept, light = np.flatnonzero(useful), LightSample.empty(u.size)
     here = at.take(kept)
     light.put(kept, context.lights.sample(chosen[kept], here.point, here.normal, u0[kept], u1[kept], rest[kept]))
-    return SampledLight(light, choices, choices)
+    return SampledLight(light, inverse_pmf, inverse_pmf)
 
 
 def resample_light(
@@ -69,9 +69,9 @@ def resample_light(
     vertex, found = np.arange(u.size), SampledLight(LightSample.empty(u.size), np.ones(u.size), np.zeros(u.size))
     for k, candidate in enumerate(candidates):
         mine = vertex[(picked == k) & (ends[-1] != 0.0)]
-        light, choices, scale = candidate.take(mine)
+        light, inverse_pmf, scale = candidate.take(mine)
         found.light.put(mine, light)
-        found.choices[mine], found.scale[mine] = choices, scale * (ends[-1, mine] / count / targets[k, mine])
+        found.inverse_pmf[mine], found.scale[mine] = inverse_pmf, scale * (ends[-1, mine] / count / targets[k, mine])
     return found
 
 
@@ -88,5 +88,5 @@ def _target(context: Context, at: SurfaceInteraction, candidate: SampledLight) -
     if not context.lit_through:
         reached &= dot(at.geometric, light.wi) > 0.0
     with np.errstate(invalid="ignore", over="ignore"):
-        target = (LUMINANCE * light.weight).sum(axis=0) * np.abs(dot(at.normal, light.wi)) * candidate.choices
+        target = (LUMINANCE * light.weight).sum(axis=0) * np.abs(dot(at.normal, light.wi)) * candidate.inverse_pmf
     return np.where(reached, target, 0.0)

@@ -134,8 +134,8 @@ def _environment(context: Context, paths: Paths, missed: Indices) -> Array:
         lost = paths.take(missed)
         for light in context.lights.infinite:
             pdf = light.pdf(lost.direction, lost.normal)
-            choices = context.light_sampler.choices(np.full(missed.size, light.light), lost.vertex, lost.geometric)
-            weight = _weight_of_scattering(context, lost.pdf, pdf / choices, listed=np.isfinite(choices))
+            inverse_pmf = context.light_sampler.inverse_pmf(np.full(missed.size, light.light), lost.vertex, lost.geometric)
+            weight = _weight_of_scattering(context, lost.pdf, pdf / inverse_pmf, listed=np.isfinite(inverse_pmf))
             found[:, missed] += lost.throughput * weight * light.Li(lost.direction)
     return found
 
@@ -151,20 +151,20 @@ def _emission(context: Context, paths: Paths, at: SurfaceInteraction, distance: 
         paths = paths.take(lanes)
         start = paths.origin - paths.crossed * paths.direction
         pdf = context.lights.pdf(at.take(lanes), start, paths.crossed + distance[lanes])
-        pdf = pdf / _choices(context, paths, at.primitive_id[lanes])
+        pdf = pdf / _inverse_pmf(context, paths, at.primitive_id[lanes])
         weight = _weight_of_scattering(context, paths.pdf, pdf, listed=pdf > 0.0)
         found[:, lanes] = paths.throughput * weight * emitted.take(lanes, axis=1)
     return found
 
 
-def _choices(context: Context, paths: Paths, primitive_id: Indices) -> Array:
+def _inverse_pmf(context: Context, paths: Paths, primitive_id: Indices) -> Array:
     """(n,) 1 / the probability with which the lights of the primitives hit would have been chosen; 1 of no light."""
-    light, choices = context.lights.of_primitive(primitive_id), np.ones(primitive_id.size)
+    light, inverse_pmf = context.lights.of_primitive(primitive_id), np.ones(primitive_id.size)
     listed = np.flatnonzero(light >= 0)
     if listed.size:
         left = paths.take(listed)
-        choices[listed] = context.light_sampler.choices(light[listed], left.vertex, left.geometric)
-    return choices
+        inverse_pmf[listed] = context.light_sampler.inverse_pmf(light[listed], left.vertex, left.geometric)
+    return inverse_pmf
 
 
 def _weight_of_scattering(context: Context, pdf: Array, pdf_light: Array, listed: Mask) -> Array:
@@ -194,13 +194,13 @@ def _direct(context: Context, paths: Paths, at: SurfaceInteraction, asked: Mask,
     else:
         sampled = resample_light(context, at, u0, u1, u, context.draw(pixel, sample, base + ROULETTE), candidates)
     kept = np.flatnonzero((sampled.light.weight > 0.0).any(axis=0))
-    (light, choices, scale), lanes, at = sampled.take(kept), lanes[kept], at.take(kept)
+    (light, inverse_pmf, scale), lanes, at = sampled.take(kept), lanes[kept], at.take(kept)
     # what it adds
     value = context.materials.evaluate(at, light.wi)
     weight = np.ones(lanes.size)
     if context.options["direct"] == "mis":
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            ratio = (context.guide or context.materials).pdf(at, light.wi) / (light.pdf / choices)
+            ratio = (context.guide or context.materials).pdf(at, light.wi) / (light.pdf / inverse_pmf)
             weight = 1.0 / (1.0 + ratio * ratio)
     with np.errstate(invalid="ignore", over="ignore"):
         cosine = np.abs(dot(at.normal, light.wi))

@@ -37,7 +37,7 @@ def _bind_power(flat: FlatScene, scene: Scene) -> None:
     sums = np.cumsum(shares)
     flat.bind(SceneTable.light_cumulative, sums / sums[-1])
     with np.errstate(divide="ignore"):
-        flat.bind(SceneTable.light_choices, (1.0 / shares).astype(flat.real))
+        flat.bind(SceneTable.light_inverse_pmf, (1.0 / shares).astype(flat.real))
     flat.features = flat.features._replace(power_lights=True)
 
 
@@ -54,7 +54,7 @@ def _bind_hierarchy(flat: FlatScene, tree: LightHierarchy) -> None:
     flat.bind(table.unbounded_lights, tree.unbounded.astype(np.int32))
     flat.bind(table.n_unbounded_lights, tree.unbounded.size)
     flat.bind(table.light_parts, parts)
-    flat.bind(table.light_choices, np.full(tree.place.size, parts, flat.real))
+    flat.bind(table.light_inverse_pmf, np.full(tree.place.size, parts, flat.real))
     flat.features = flat.features._replace(light_hierarchy=True)
 
 
@@ -67,7 +67,7 @@ def bind_light_cells(flat: FlatScene, cells: LightCells) -> None:
     flat.bind(table.n_light_bins, cells.bins.shape[1])
     with np.errstate(divide="ignore"):  # lights without power
         flat.bind(
-            table.light_choices, (STEPS / cells.bins[0, :, 2]).astype(flat.real)
+            table.light_inverse_pmf, (STEPS / cells.bins[0, :, 2]).astype(flat.real)
         )  # an environment's are the same in all rows
 
 

@@ -17,7 +17,7 @@ from engines.kernels.lane.shapes import plane, sphere
 from engines.kernels.lane.shapes.coordinates import Coordinates
 from engines.kernels.lane.shapes.triangle import VertexUV, interpolated_uv
 from engines.kernels.lane.vector import Vec3, to_float64, to_real
-from engines.kernels.layout import LANES
+from engines.kernels.layout import LANES, POINT_U0, POINT_U1
 from engines.kernels.stages.material import analytic_coordinates
 from engines.kernels.stages.textures import color_at
 
@@ -105,7 +105,7 @@ def make_light_samples(features: SceneFeatures, real: Any) -> Any:
                     primitive = np.int64(scene.light_primitives[rays.kept_column[lane]])
             if primitive >= 0:
                 p = to_float64(rays.point[lane]) + to_float64(rays.wi[lane]) * np.float64(rays.light_distance[lane])
-                root, u1 = math.sqrt(np.float64(rays.draw[0, lane])), np.float64(rays.draw[1, lane])
+                root, u1 = math.sqrt(np.float64(rays.draw[POINT_U0, lane])), np.float64(rays.draw[POINT_U1, lane])
                 rays.li[lane] = li * radiance(scene, primitive, p, root * (1.0 - u1), root * u1, white)
 
     return light_samples

@@ -21,7 +21,7 @@ from engines.kernels.features import SceneFeatures, per_features
 from engines.kernels.flatten.materials import MODELS
 from engines.kernels.lane.arctan import arctan2
 from engines.kernels.lane.vector import Vec3, dot, largest, sin_cos_turn
-from engines.kernels.layout import LANES, ray_batch, scene_table
+from engines.kernels.layout import DIRECTION_U0, DIRECTION_U1, LANES, LOBE, ray_batch, scene_table
 from engines.sd_tree import MOST_RECORDS
 
 HUGE = 3e38
@@ -94,7 +94,7 @@ def _make_sample(real: Any) -> Any:
     def sample(rays, scene):
         for lane in range(np.uint64(LANES)):
             rays.guide_node[lane] = select(rays.guided[lane], np.int32(rays.guide_leaf[lane]), np.int32(-1))
-            rays.guide_u0[lane], rays.guide_u1[lane] = rays.draw[4, lane], rays.draw[5, lane]
+            rays.guide_u0[lane], rays.guide_u1[lane] = rays.draw[DIRECTION_U0, lane], rays.draw[DIRECTION_U1, lane]
             rays.guide_x[lane], rays.guide_y[lane] = zero, zero
         edge = one
         while _inner(rays.guide_node) != 0:
@@ -206,11 +206,11 @@ def _make_choose(features: SceneFeatures, real: Any) -> Any:
                 guided = guided & (not rays.passing[lane])
             if hides:
                 guided = guided & (not rays.absent[lane])
-            share, u = select(guided, fraction, one), rays.draw[3, lane]
+            share, u = select(guided, fraction, one), rays.draw[LOBE, lane]
             by_tree, rest = u >= share, u / share
             rays.bsdf_share[lane] = share
             rays.guided[lane] = by_tree
-            rays.draw[3, lane] = select(rest < below_one, rest, below_one)
+            rays.draw[LOBE, lane] = select(rest < below_one, rest, below_one)
             some |= np.int64(1 if by_tree else 0)
         if some != 0:
             sample(rays, scene)

@@ -174,25 +174,25 @@ def _make_load_shapes(features: SceneFeatures, real: Any) -> Any:
 
 
 @per_features
-def _make_choices(features: SceneFeatures, real: Any) -> Any:
+def _make_inverse_pmf(features: SceneFeatures, real: Any) -> Any:
     """The function (rays, lane, scene, light) -> 1 / the probability with which the light that was hit would have been chosen
     at the last vertex, which is still in the batch; 1 where nobody asks: of camera rays, and after a specular event."""
     power, cells, transparent = features.power_lights, features.light_cells, features.transparent
 
     @inline
-    def choices(rays, lane, scene, light):
+    def inverse_pmf(rays, lane, scene, light):
         if power:
-            return scene.light_choices[light if light >= 0 else np.int32(0)]
+            return scene.light_inverse_pmf[light if light >= 0 else np.int32(0)]
         if rays.primitive[lane] < 0 or light < 0 or not rays.pdf[lane] < real(np.inf):
             return 1.0
         point, normal = rays.point[lane], rays.geometric_normal[lane]
         if transparent:  # null lobes may lie between
             point, normal = rays.vertex_point[lane], rays.vertex_normal[lane]
         if cells:
-            return light_cells.choices(scene, light, point, normal)
-        return light_hierarchy.choices(scene, light, point, normal, real)
+            return light_cells.inverse_pmf(scene, light, point, normal)
+        return light_hierarchy.inverse_pmf(scene, light, point, normal, real)
 
-    return choices
+    return inverse_pmf
 
 
 def chooses_by_weight(features: SceneFeatures) -> bool:
@@ -239,7 +239,7 @@ def _keep_ids(rays):
 def _make_load_lights(features: SceneFeatures, real: Any) -> Any:
     """The function (rays, scene, hits) that copies what the scene holds of the lights that the lanes in the word have hit."""
     parameters = max((lights.MODELS[kind].parameters for kind in area_lights(features)), default=0)
-    weighted, choices = chooses_by_weight(features), _make_choices(features, real)
+    weighted, inverse_pmf = chooses_by_weight(features), _make_inverse_pmf(features, real)
     first, own = LightRow.fields["parameters"].first, lane_number("light_parameters")
     columns = tuple(range(first, first + parameters))
     load_rows = make_load_rows("kept_row", LightRow, columns, tuple(range(own, own + parameters)))
@@ -251,7 +251,7 @@ def _make_load_lights(features: SceneFeatures, real: Any) -> Any:
         if weighted:
             for lane in range(np.uint64(LANES)):
                 keep_scalar()
-                rays.light_choices[lane] = choices(rays, lane, scene, rays.primitive_light[lane])
+                rays.light_inverse_pmf[lane] = inverse_pmf(rays, lane, scene, rays.primitive_light[lane])
         for lane in range(np.uint64(LANES)):
             light = rays.primitive_light[lane]
             rays.kept_row[lane] = select(light < 0, np.int32(0), light)

@@ -17,7 +17,7 @@ from engines.kernels.flatten.lights import IMAGE_ENVIRONMENT, MESH, MODELS
 from engines.kernels.integrators.path_tracer import LIGHT_CANDIDATES
 from engines.kernels.lane.lights.sample import Light, LightSample
 from engines.kernels.lane.vector import Vec3, to_real
-from engines.kernels.layout import LANES, LightRow, MaterialRow, PrimitiveRow, ray_batch, scene_table
+from engines.kernels.layout import LANES, LIGHT, POINT_U0, POINT_U1, LightRow, MaterialRow, PrimitiveRow, ray_batch, scene_table
 from engines.kernels.stages import emission, environment, light_cells, light_hierarchy, resampling
 from engines.kernels.stages.hit_loads import lane_number, load_corners, load_vertices, make_load_rows
 
@@ -47,13 +47,13 @@ def _make_choose(selection: Selection) -> Any:
 
     @inline
     def choose_light(rays, lane, scene):
-        rest = np.float64(rays.draw[2, lane])
+        rest = np.float64(rays.draw[LIGHT, lane])
         chosen, n = np.int64(0), scene.n_lights
         if every:
             chosen = np.int64(rays.light[lane])
         elif power:
             chosen, rest = _by_power(scene, n, rest)
-            rays.light_choices[lane] = scene.light_choices[chosen]
+            rays.light_inverse_pmf[lane] = scene.light_inverse_pmf[chosen]
         elif hierarchy or cells:
             chosen = np.int64(rays.light_kind[lane])
         elif many:
@@ -155,10 +155,10 @@ def _make_sample_one(kinds: tuple[int, ...], selection: Selection, turned: bool,
         share = one if every else one / real(scene.n_lights)
         environment_share = share
         if weighted:
-            environment_share = one / scene.light_choices[scene.environment_light]
+            environment_share = one / scene.light_inverse_pmf[scene.environment_light]
         for lane in range(np.uint64(LANES)):
             if weighted:
-                share = one / rays.light_choices[lane]
+                share = one / rays.light_inverse_pmf[lane]
             light = Light(
                 lane_numbers(rays.light_parameters, lane),
                 rays.light_color[lane],
@@ -168,7 +168,7 @@ def _make_sample_one(kinds: tuple[int, ...], selection: Selection, turned: bool,
                 rays.vertex2[lane],
             )
             sample = LightSample(Vec3(zero, zero, one), infinite, Vec3(zero, zero, zero), infinite)
-            u0, u1 = rays.draw[0, lane], rays.draw[1, lane]
+            u0, u1 = rays.draw[POINT_U0, lane], rays.draw[POINT_U1, lane]
             sample = sample_light(rays.light_kind[lane], sample, light, rays.point[lane], rays.normal[lane], u0, u1)
             rays.wi[lane] = sample.wi
             rays.light_distance[lane] = sample.distance
@@ -235,7 +235,7 @@ def _choose_places(rays, scene, axes, lanes):
     while todo != 0:
         lane = np.uint64(lowest_bit(todo))
         todo &= todo - 1
-        u0, u1 = np.float64(rays.draw[0, lane]), np.float64(rays.draw[1, lane])
+        u0, u1 = np.float64(rays.draw[POINT_U0, lane]), np.float64(rays.draw[POINT_U1, lane])
         first = scene.environment_row_guide[environment.guide_entry(height, u1)]
         row = environment.first_above_from(rows, 0, first, height, u1)
         below = rows[row - 1] if row > 0 else 0.0
@@ -247,7 +247,7 @@ def _choose_places(rays, scene, axes, lanes):
         lane = np.uint64(lowest_bit(todo))
         todo &= todo - 1
         start = np.int64(rays.kept_row[lane]) * width
-        first = np.int64(guide[start + environment.guide_entry(width, np.float64(rays.draw[0, lane]))])
+        first = np.int64(guide[start + environment.guide_entry(width, np.float64(rays.draw[POINT_U0, lane]))])
         rays.kept_column[lane] = first
         prefetch(address_of(columns) + 8 * (start + first))
         prefetch(address_of(columns) + 8 * (start + first - 1))
@@ -255,7 +255,7 @@ def _choose_places(rays, scene, axes, lanes):
     while todo != 0:
         lane = np.uint64(lowest_bit(todo))
         todo &= todo - 1
-        start, u0 = np.int64(rays.kept_row[lane]) * width, np.float64(rays.draw[0, lane])
+        start, u0 = np.int64(rays.kept_row[lane]) * width, np.float64(rays.draw[POINT_U0, lane])
         column = environment.first_above_from(columns, start, rays.kept_column[lane], width, u0)
         below = columns[start + column - 1] if column > 0 else 0.0
         u = (column + (u0 - below) / (columns[start + column] - below)) / width

@@ -7,7 +7,7 @@ import numpy as np
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import select
 from engines.kernels.flatten.light_samplers import SIDES, STEPS
-from engines.kernels.layout import LANES
+from engines.kernels.layout import LANES, LIGHT
 
 NUMBERS, OWN = 4, 2
 """Of a bin; the place of the steps of its own light."""
@@ -43,18 +43,18 @@ def choose(rays, scene):
         rays.kept_row[lane] = _part(scene, rays.point[lane], rays.geometric_normal[lane])
     bins, count = scene.light_bins, scene.n_light_bins
     for lane in range(np.uint64(LANES)):
-        scaled = np.float64(rays.draw[2, lane]) * count
+        scaled = np.float64(rays.draw[LIGHT, lane]) * count
         bin = max(min(np.int64(scaled), count - 1), 0)  # a draw that is NaN must not leave the table
         first = NUMBERS * (np.int64(scene.light_rows[rays.kept_row[lane]]) * count + bin)
         place, end = scaled - bin, bins[first] * (count / STEPS)
         own = place < end
         rays.light_kind[lane] = select(own, bin, np.int64(bins[first + 1]))
-        rays.light_choices[lane] = STEPS / select(own, bins[first + 2], bins[first + 3])
-        rays.draw[2, lane] = select(own, place, place - end) / select(own, end, 1.0 - end)
+        rays.light_inverse_pmf[lane] = STEPS / select(own, bins[first + 2], bins[first + 3])
+        rays.draw[LIGHT, lane] = select(own, place, place - end) / select(own, end, 1.0 - end)
 
 
 @inline
-def choices(scene, light, p, normal):
+def inverse_pmf(scene, light, p, normal):
     """1 / the probability with which the light is chosen at the point p; inf where never."""
     row = np.int64(scene.light_rows[_part(scene, p, normal)])
     steps = scene.light_bins[NUMBERS * (row * scene.n_light_bins + np.int64(light)) + OWN]

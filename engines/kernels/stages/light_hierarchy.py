@@ -14,7 +14,7 @@ from engines.kernels.compile.simd import lane as number
 from engines.kernels.compile.simd import load8, splat
 from engines.kernels.compile.values import lowest_bit, select
 from engines.kernels.flatten.light_samplers import NODE_NUMBERS
-from engines.kernels.layout import LANES
+from engines.kernels.layout import LANES, LIGHT
 
 WIDTH = 8
 
@@ -106,14 +106,14 @@ def _start(rays, scene, lane):
     """Chooses a light without a box, or the tree's root; returns whether the lane goes through the tree. A lane that samples
     no light has -1."""
     light, parts, goes = np.int64(-1), scene.light_parts, False
-    rays.light_choices[lane] = np.inf
+    rays.light_inverse_pmf[lane] = np.inf
     if rays.alive[lane] and not rays.miss[lane] and rays.depth[lane] < scene.options[0]:  # max_depth
-        scaled = np.float64(rays.draw[2, lane]) * parts
+        scaled = np.float64(rays.draw[LIGHT, lane]) * parts
         part = max(min(np.int64(scaled), parts - 1), 0)
         goes = part >= scene.n_unbounded_lights
         light = np.int64(0) if goes else np.int64(scene.unbounded_lights[part])
-        rays.draw[2, lane] = scaled - part
-        rays.light_choices[lane] = parts
+        rays.draw[LIGHT, lane] = scaled - part
+        rays.light_inverse_pmf[lane] = parts
     rays.light_kind[lane] = light
     return goes
 
@@ -121,7 +121,7 @@ def _start(rays, scene, lane):
 @inline
 def _descend(rays, scene, lane, real, below_one):
     """Goes from the lane's node to a child, or to a light; returns whether it goes on."""
-    node, u = np.int64(rays.light_kind[lane]), np.float64(rays.draw[2, lane])
+    node, u = np.int64(rays.light_kind[lane]), np.float64(rays.draw[LIGHT, lane])
     shares = _shares(scene, node, rays.point[lane], rays.geometric_normal[lane], real)
     sums = _sums(shares)
     target = u * sums.total
@@ -129,11 +129,11 @@ def _descend(rays, scene, lane, real, below_one):
     share = np.float64(number(shares, slot))
     if not share > 0.0:  # no child may send light
         rays.light_kind[lane] = -1
-        rays.light_choices[lane] = np.inf
+        rays.light_inverse_pmf[lane] = np.inf
         return False
     rest = (target - start) / share
-    rays.draw[2, lane] = select(rest < below_one, rest, below_one)
-    rays.light_choices[lane] = np.float64(rays.light_choices[lane]) * (sums.total / share)
+    rays.draw[LIGHT, lane] = select(rest < below_one, rest, below_one)
+    rays.light_inverse_pmf[lane] = np.float64(rays.light_inverse_pmf[lane]) * (sums.total / share)
     child = np.int64(scene.light_children[node * WIDTH + slot])
     rays.light_kind[lane] = child if child >= 0 else -1 - child
     return child >= 0
@@ -162,7 +162,7 @@ def make_choose(real: Any) -> Any:
 
 
 @inline
-def choices(scene, light, p, normal, real):
+def inverse_pmf(scene, light, p, normal, real):
     """1 / the probability with which the light is chosen at the point p."""
     probability, place = 1.0 / scene.light_parts, np.int64(scene.light_places[light])
     while place >= 0 and probability > 0.0:

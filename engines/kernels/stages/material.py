@@ -24,7 +24,7 @@ from engines.kernels.lane.shapes import plane, sphere, triangle
 from engines.kernels.lane.shapes.coordinates import Coordinates
 from engines.kernels.lane.shapes.triangle import VertexUV
 from engines.kernels.lane.vector import Vec3, dot, to_float64
-from engines.kernels.layout import BSDF_PARAMETERS, LANES, ray_batch, scene_table
+from engines.kernels.layout import BSDF_PARAMETERS, LANES, LOBE, ray_batch, scene_table
 from engines.kernels.stages.textures import color_at, gradient_at, luminance, prefetch_texels
 
 # ---- texture coordinates -----------------------------------------------------------------------------------------------
@@ -251,7 +251,7 @@ def _make(features: SceneFeatures, real: Any) -> Any:
         at = coordinates_at(rays, lane)  # of what nobody reads, where nothing is located
         ng, wo = to_float64(rays.geometric_normal[lane]), -to_float64(rays.direction[lane])
         frame = tilt.Tilted(to_float64(rays.normal[lane]), at.dp_du, at.dp_dv, True)
-        u = np.float64(rays.draw[3, lane])
+        u = np.float64(rays.draw[LOBE, lane])
         state = walk(scene, first, u, at, rays.front[lane], ng, wo, frame)
         leaf = scene.nodes[state.node]
         constants = scene.leaves[np.int64(leaf.second)].bsdf
@@ -262,7 +262,7 @@ def _make(features: SceneFeatures, real: Any) -> Any:
         if several:
             rays.bsdf_model[lane] = np.int64(leaf.first)
         if choices:
-            rays.draw[3, lane] = state.u if state.u < below_one else below_one
+            rays.draw[LOBE, lane] = state.u if state.u < below_one else below_one
         if masks:
             rays.opacity[lane] = state.opacity
             rays.passing[lane] = state.passing

@@ -9,11 +9,11 @@ from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import select
 from engines.kernels.integrators.path_tracer import BSDF_ONLY, DIRECT_OPTION
 from engines.kernels.lane.vector import Vec3, dot
-from engines.kernels.layout import LANES
+from engines.kernels.layout import LANES, LIGHT, ROULETTE
 
 STEPS = (12664746, 9560334)
 """How far candidate k + 1 lies from candidate k in the numbers that place it on its light, in units of 2^-24."""
-PICK = 6
+PICK = ROULETTE
 """The draw that picks, which roulette reads as well."""
 HUGE = 3e38
 
@@ -45,7 +45,7 @@ def draw_candidates(rays, count, real):
             shifted = select(u >= wrap, u - wrap, u + shift)
             rays.draw[k, lane] = select(shifted < below_one, shifted, below_one)
         share = (real(candidate) + rays.drawn[2, lane]) / real(count)
-        rays.draw[2, lane] = select(share < below_one, share, below_one)
+        rays.draw[LIGHT, lane] = select(share < below_one, share, below_one)
 
 
 @inline

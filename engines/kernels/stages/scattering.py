@@ -33,7 +33,7 @@ from engines.kernels.lane.bsdf.interface import (
 )
 from engines.kernels.lane.tilt import is_consistent, terminator
 from engines.kernels.lane.vector import Vec3, dot
-from engines.kernels.layout import LANES, ray_batch, scene_table
+from engines.kernels.layout import DIRECTION_U0, DIRECTION_U1, LANES, LOBE, ROULETTE, ray_batch, scene_table
 
 
 @inline
@@ -56,7 +56,7 @@ def load_interaction(rays, scene, lane):
 
 @inline
 def load_draws(rays, lane):
-    return Draws(rays.draw[3, lane], rays.draw[4, lane], rays.draw[5, lane], rays.draw[6, lane])
+    return Draws(rays.draw[LOBE, lane], rays.draw[DIRECTION_U0, lane], rays.draw[DIRECTION_U1, lane], rays.draw[ROULETTE, lane])
 
 
 # ---- tilted normals and masks, around the functions of a model ---------------------------------------------------------

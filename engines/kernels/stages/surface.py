@@ -145,15 +145,15 @@ def _store_interaction(rays, lane, found, o, d, miss, offset_scale, tangents):
 
 @per_features
 def _make_emission(features: SceneFeatures) -> Any:
-    """The function (rays, lane, found, front, miss, choices) -> (what the surface emits towards the viewer, the pdf with which
-    the light sample would have found it)."""
+    """The function (rays, lane, found, front, miss, inverse_pmf) -> (what the surface emits towards the viewer, the pdf with
+    which the light sample would have found it)."""
     shining, weighted = area_lights(features), chooses_by_weight(features)
     listed_shapes = len(shining) > 0
     light_pdf_of = dispatch(tuple((lights.MODELS[kind].shape, lights.MODELS[kind].pdf) for kind in shining))
     transparent, hides = features.transparent, features.hidden_emitters
 
     @inline
-    def emission_at(rays, lane, found, front, miss, choices):
+    def emission_at(rays, lane, found, front, miss, inverse_pmf):
         o, d, zero = rays.origin[lane], rays.direction[lane], const(0.0, found.t)
         lit, light_pdf = (not miss) & (front | (rays.two_sided[lane] > zero)), zero
         if hides:
@@ -163,9 +163,9 @@ def _make_emission(features: SceneFeatures) -> Any:
             facing, listed = abs(dot(d, found.normal)), lit & (rays.primitive_light[lane] >= 0)
             parameters, shape = lane_numbers(rays.light_parameters, lane), rays.shape[lane]
             if weighted:
-                choices = rays.light_choices[lane]
+                inverse_pmf = rays.light_inverse_pmf[lane]
             o, way = _from_last_vertex(rays, lane, o, d, found.t, transparent)
-            light_pdf = select(listed, light_pdf_of(shape, zero, parameters, o, way, facing, choices), zero)
+            light_pdf = select(listed, light_pdf_of(shape, zero, parameters, o, way, facing, inverse_pmf), zero)
         return emitted, light_pdf
 
     return emission_at
@@ -188,10 +188,10 @@ def _make(features: SceneFeatures, real: Any) -> Any:
         kinds = load(rays, scene)
         if several:
             meet(rays, kinds)
-        choices = real(scene.n_lights)
-        environment_choices = choices
+        inverse_pmf = real(scene.n_lights)
+        environment_inverse_pmf = inverse_pmf
         if weighted:
-            environment_choices = scene.light_choices[scene.environment_light]
+            environment_inverse_pmf = scene.light_inverse_pmf[scene.environment_light]
         offset_scale = real(scene.margins[0].offset)
         none = Vec3(zero, zero, zero)
         environment_radiance = none
@@ -207,18 +207,18 @@ def _make(features: SceneFeatures, real: Any) -> Any:
             front = _store_interaction(rays, lane, found, o, d, miss, offset_scale, tangents)
             emitted, light_pdf = none, zero
             if emission:
-                emitted, light_pdf = emission_at(rays, lane, found, front, miss, choices)
+                emitted, light_pdf = emission_at(rays, lane, found, front, miss, inverse_pmf)
             elif hides:
                 rays.absent[lane] = False  # an update may have taken the last emitter away
             if constant_environment:
                 emitted = select(miss, environment_radiance, emitted)
-                light_pdf = select(miss, rays.cosine_pdf[lane] / environment_choices, light_pdf)
+                light_pdf = select(miss, rays.cosine_pdf[lane] / environment_inverse_pmf, light_pdf)
             rays.emission[lane] = emitted
             rays.light_pdf[lane] = light_pdf
         if textured:
             color_hits(rays, scene)
         if image_environment:
-            _image_environment(rays, scene, environment_choices, turned, real)
+            _image_environment(rays, scene, environment_inverse_pmf, turned, real)
         if hides:
             _hide_environment(rays, none)
 
@@ -250,7 +250,7 @@ def _hide_environment(rays, none):
 
 
 @inline
-def _image_environment(rays, scene, choices, turned, real):
+def _image_environment(rays, scene, inverse_pmf, turned, real):
     """Radiance of the rays that miss, from the environment's image: prefetched, then read by scalar code."""
     lanes = np.int64(0)
     for lane in range(np.uint64(LANES)):
@@ -275,7 +275,7 @@ def _image_environment(rays, scene, choices, turned, real):
         u, v = rays.kept[0, lane], rays.kept[1, lane]
         rays.emission[lane] = environment.radiance(scene.environment, environment.texels_at(width, height, axes, u, v))
         density = scene.environment_pdf[environment.texel_of(width, height, u, v)]
-        rays.light_pdf[lane] = real(environment.pdf_solid_angle(density, rays.kept[2, lane])) / choices
+        rays.light_pdf[lane] = real(environment.pdf_solid_angle(density, rays.kept[2, lane])) / inverse_pmf
 
 
 def stage(features: SceneFeatures, real: Any) -> Any:

@@ -26,7 +26,7 @@ class SpatialLightSampler:
             uc = np.where(own, place / end, (place - end) / (1.0 - end))
         return ChosenLight(np.where(own, bin, other), uc, STEPS / np.where(own, of_own, of_other))
 
-    def choices(self, light: Indices, point: Array, geometric: Array) -> Array:
+    def inverse_pmf(self, light: Indices, point: Array, geometric: Array) -> Array:
         with np.errstate(divide="ignore"):
             return STEPS / self._cells.bins[self._row(point, geometric), light, 2]
 

@@ -47,7 +47,7 @@ class HierarchicalLightSampler:
         with np.errstate(divide="ignore"):
             return ChosenLight(light, uc, 1.0 / probability)
 
-    def choices(self, light: Indices, point: Array, geometric: Array) -> Array:
+    def inverse_pmf(self, light: Indices, point: Array, geometric: Array) -> Array:
         place = self._tree.place[light]
         known = (place >= 0) | self._is_unbounded[light]
         probability = np.where(known, 1.0 / max(self._parts, 1), 0.0)

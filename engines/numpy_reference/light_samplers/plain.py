@@ -17,7 +17,7 @@ class ChosenLight(NamedTuple):
     """(n,) places in the list of lights, -1 where none is chosen."""
     uc: Array
     """(n,) what is left of the random number, in [0, 1)."""
-    choices: Array
+    inverse_pmf: Array
     """(n,) 1 / the probability of the choice."""
 
 
@@ -28,7 +28,7 @@ class LightSampler(Protocol):
         """One light a point, by a random number (n,) each."""
         ...
 
-    def choices(self, light: Indices, point: Array, geometric: Array) -> Array:
+    def inverse_pmf(self, light: Indices, point: Array, geometric: Array) -> Array:
         """(n,) 1 / the probability with which `choose` gives the lights, inf where never."""
         ...
 
@@ -42,9 +42,9 @@ class UniformLightSampler:
     def choose(self, point: Array, geometric: Array, u: Array) -> ChosenLight:
         scaled = u * self._count
         light = np.minimum(scaled.astype(np.int64), self._count - 1)
-        return ChosenLight(light, scaled - light, self.choices(light, point, geometric))
+        return ChosenLight(light, scaled - light, self.inverse_pmf(light, point, geometric))
 
-    def choices(self, light: Indices, point: Array, geometric: Array) -> Array:
+    def inverse_pmf(self, light: Indices, point: Array, geometric: Array) -> Array:
         return np.full(light.size, float(self._count))
 
 
@@ -55,12 +55,12 @@ class PowerLightSampler:
         sums = np.cumsum(shares)
         self._cumulative = sums / sums[-1]
         with np.errstate(divide="ignore"):
-            self._choices = 1.0 / shares
+            self._inverse_pmf = 1.0 / shares
 
     def choose(self, point: Array, geometric: Array, u: Array) -> ChosenLight:
         start = np.zeros(u.size, np.int64)
         light = first_above(self._cumulative, start, start + self._cumulative.size, u)
-        return ChosenLight(light, rest(self._cumulative, start, light, u), self._choices[light])
+        return ChosenLight(light, rest(self._cumulative, start, light, u), self._inverse_pmf[light])
 
-    def choices(self, light: Indices, point: Array, geometric: Array) -> Array:
-        return self._choices[light]
+    def inverse_pmf(self, light: Indices, point: Array, geometric: Array) -> Array:
+        return self._inverse_pmf[light]
