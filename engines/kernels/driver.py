@@ -65,7 +65,6 @@ def make_idle(rays, lane, sample):
     rays.done[lane] = False
     rays.t[lane] = -1.0
     rays.shadow_t_max[lane] = -1.0
-    rays.held_primitive[lane] = -1
 
 
 @inline
@@ -248,7 +247,6 @@ def _cross_null_lobes(rays, stages, shadows, scene, real):
         walk.light_distance[lane] = rays.light_distance[lane]
         walk.destination[lane] = rays.destination[lane]
         walk.origin_primitive[lane] = rays.origin_primitive[lane]
-        walk.held_primitive[lane] = -1
         walk.throughput[lane] = Vec3(one, one, one)
     for _ in range(MOST_NULL_LOBES):
         lanes = positive_lanes(walk.t)
@@ -266,34 +264,42 @@ def _cross_null_lobes(rays, stages, shadows, scene, real):
 
 
 @inline
+def _trace_shadow_rays(rays, stages, batch, shadows, scene, real):
+    """Adds the light samples that nothing hides; returns the rays that were traced."""
+    traced, lanes = 0, positive_lanes(rays.shadow_t_max)
+    if lanes != 0 and stages.transmit != 0:
+        traced = _cross_null_lobes(rays, stages, shadows, scene, real)
+    elif lanes != 0:
+        traced = bits_set(lanes)
+        call_stage(stages.occluded, batch, scene)
+    # where no ray is sent, light of sources that touch the surface may be left
+    _add_direct_light(rays, real(0), lanes != 0)
+    return traced
+
+
+@inline
 def _advance(rays, stages, bsdfs, batch, shadows, scene, plan, records, real):
     """One segment of every path; returns the rays that were traced."""
     traced = bits_set(positive_lanes(rays.t))
     call_stage(stages.closest, batch, scene)
     call_stage(stages.surface, batch, scene)
     scatters = stages.material != 0 or plan.last_depth == 0 or _some_scatter(rays, np.int32(plan.last_depth))
-    if scatters:
-        call_stage(stages.draw_vertex, batch, scene)
-        if stages.material != 0:
-            call_stage(stages.material, batch, scene)
+    for k in range(plan.per_vertex):
+        if scatters:
+            call_stage(stages.draw_vertex, batch, scene)
+            if stages.material != 0 and k == 0:
+                call_stage(stages.material, batch, scene)
+            if stages.light != 0:
+                call_stage(stages.light, batch, scene)
+            if stages.guide != 0:
+                call_stage(stages.guide, batch, scene)
+            for bsdf in bsdfs:
+                call_stage(bsdf, batch, scene)
+            if stages.guide != 0:
+                call_stage(stages.mix, batch, scene)
+        call_stage(stages.shade, batch, scene)
         if stages.light != 0:
-            call_stage(stages.light, batch, scene)
-        if stages.guide != 0:
-            call_stage(stages.guide, batch, scene)
-        for bsdf in bsdfs:
-            call_stage(bsdf, batch, scene)
-        if stages.guide != 0:
-            call_stage(stages.mix, batch, scene)
-    call_stage(stages.shade, batch, scene)
-    if stages.light != 0:
-        # where no ray is sent, light of sources that touch the surface may be left
-        shadow_rays = positive_lanes(rays.shadow_t_max)
-        if shadow_rays != 0 and stages.transmit != 0:
-            traced += _cross_null_lobes(rays, stages, shadows, scene, real)
-        elif shadow_rays != 0:
-            traced += bits_set(shadow_rays)
-            call_stage(stages.occluded, batch, scene)
-        _add_direct_light(rays, real(0), shadow_rays != 0)
+            traced += _trace_shadow_rays(rays, stages, batch, shadows, scene, real)
     if stages.guide != 0 and scatters:
         keep_records(rays, from_zero(rays.record_vertex), records)
     return traced

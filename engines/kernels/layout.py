@@ -65,7 +65,6 @@ class RayBatch(LaneRecord):
     direction = vector()
     t = real()  # in: t_max, not above 0 for a lane without a ray; out: distance of the hit
     origin_primitive = integer()  # id of the flat primitive that the ray leaves, -1 for none
-    held_primitive = integer()  # id of a hit that is shaded once more, by the next light; -1 for none
     depth = integer()  # segments so far, 1 for the camera ray
     throughput = vector()
     radiance = vector()

@@ -136,7 +136,6 @@ def _make(ray: Any, normalised: bool, clipped: bool, real: Any) -> Any:
             rays.cosine_pdf[lane] = zero
             rays.alive[lane] = True
             rays.origin_primitive[lane] = -1
-            rays.held_primitive[lane] = -1
             rays.depth[lane] = 1
             rays.light[lane] = 0
             rays.waiting[lane] = 0

@@ -227,9 +227,7 @@ def _make_load_primitives(features: SceneFeatures) -> Any:
 def _keep_ids(rays):
     """Keeps the id of each lane's primitive, 0 where there is none; returns the lanes that have one."""
     for lane in range(np.uint64(LANES)):
-        primitive, held = rays.primitive[lane], rays.held_primitive[lane]
-        primitive = select(held >= 0, held, primitive)
-        rays.primitive[lane] = primitive
+        primitive = rays.primitive[lane]
         rays.kept_row[lane] = select(primitive < 0, np.int32(0), primitive)
         rays.shape[lane] = TRIANGLE
     return _not_negative(rays.primitive)

@@ -28,8 +28,7 @@ def make_prefetch(features: SceneFeatures, real: Any) -> Any:
     def rows(rays, scene):
         for lane in range(np.uint64(LANES)):
             keep_scalar()
-            primitive, held = np.int64(rays.primitive[lane]), np.int64(rays.held_primitive[lane])
-            index = max(held if held >= 0 else primitive, 0)
+            index = max(np.int64(rays.primitive[lane]), 0)
             rays.kept_row[lane] = index
             prefetch(address_of(scene.primitives[index]))
             if not mixed:

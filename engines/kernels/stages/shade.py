@@ -145,16 +145,6 @@ class ShadeFeatures(NamedTuple):
 
 
 @inline
-def _next_light(rays, lane, working, miss, n_lights):
-    """For integrators that visit every light: (this one's index, whether the lane stays for the next one)."""
-    light = rays.light[lane]
-    stays = working & (not miss) & (light + 1 < n_lights)
-    rays.held_primitive[lane] = select(stays, rays.primitive[lane], -1)
-    rays.light[lane] = select(stays, light + 1, 0)
-    return light, stays
-
-
-@inline
 def _store_shadow_ray(rays, lane, si, light, direct, offset, share, working, shading):
     """What waits for the shadow ray, and the ray: aimed anew from where it starts, since a parallel one would meet a
     light that is seen from the side too early. It starts on the side of the surface where the light is."""
@@ -260,8 +250,9 @@ def _store(rays, lane, before, result, crosses, null, n_lights, shading, left, s
     working, depth, si = before.working, before.depth, before.si
     light, per_vertex, stays = np.int64(0), np.int64(1), False
     if shading.every:
-        per_vertex = n_lights
-        light, stays = _next_light(rays, lane, working, si.miss, n_lights)
+        per_vertex, light = n_lights, np.int64(rays.light[lane])
+        stays = light + 1 < n_lights
+        rays.light[lane] = select(stays, light + 1, 0)
     added = select(working & (light == 0), result.radiance, Vec3(real(0), real(0), real(0)))
     rays.radiance[lane] = rays.radiance[lane] + added
     offset = rays.offset[lane]
@@ -282,6 +273,8 @@ def _store(rays, lane, before, result, crosses, null, n_lights, shading, left, s
         return
     following = select(stays, light + 1, 0)
     _store_next_ray(rays, lane, si, before.path, result, goes, offset, per_vertex, following, depth, left)
+    if shading.every:
+        rays.t[lane] = select(stays, si.t, rays.t[lane])  # the vertex is shaded once more, by the next light
 
 
 @inline
