@@ -290,7 +290,7 @@ def _store_shadows(rays, scene, memory, variant):
             face = np.int64(words[CANDIDATE + np.int64(lane)])
             confirmed, _ = _confirmed(shadow_rays(rays), rays.origin_primitive, scene, lane, face, np.int32(-2), variant)
             unconfirmed = hidden & (face >= 0) & (not confirmed)
-        rays.occluded[lane] = 1 if hidden else 0
+        rays.shadow.occluded[lane] = 1 if hidden else 0
         words[CANDIDATE + np.int64(lane)] = np.int32(1 if unconfirmed else 0)
     return _marked_lanes(words)
 
@@ -317,10 +317,10 @@ def _make_occluded(variant: Variant, real: Any) -> Any:
                     lane = np.uint64(lowest_bit(unconfirmed))
                     unconfirmed &= unconfirmed - 1
                     t_far = numbers[first_word(lane, width) + T_FAR * width]
-                    rays.occluded[lane] = t_far == np.float32(-np.inf)
+                    rays.shadow.occluded[lane] = t_far == np.float32(-np.inf)
         else:
             for lane in range(np.uint64(LANES)):
-                rays.occluded[lane] = False
+                rays.shadow.occluded[lane] = False
         if planes:
             occluded_planes(rays, scene, real)
 

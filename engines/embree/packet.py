@@ -78,7 +78,7 @@ def path_rays(batch):
 
 @inline
 def shadow_rays(batch):
-    return Rays(batch.shadow_origin, batch.wi, batch.shadow_t_max)
+    return Rays(batch.shadow.origin, batch.shadow.direction, batch.shadow.t_max)
 
 
 def packet_width() -> int:

@@ -64,14 +64,14 @@ def make_idle(rays, lane, sample):
     rays.light[lane] = 0
     rays.done[lane] = False
     rays.t[lane] = -1.0
-    rays.shadow_t_max[lane] = -1.0
+    rays.shadow.t_max[lane] = -1.0
 
 
 @inline
 def _add_direct_light(rays, zero, tested):
     """Adds the light samples that nothing hides; `tested`: there were shadow rays."""
     for lane in range(np.uint64(LANES)):
-        direct = select(tested & (rays.occluded[lane] != 0), Vec3(zero, zero, zero), rays.direct[lane])
+        direct = select(tested & (rays.shadow.occluded[lane] != 0), Vec3(zero, zero, zero), rays.shadow.direct[lane])
         rays.radiance[lane] = rays.radiance[lane] + direct
 
 
@@ -82,9 +82,9 @@ def _push(rays, stacks, lane, capacity):
     if waiting >= capacity:
         return False
     top = stacks[waiting]
-    top.origin[lane] = rays.branch_origin[lane]
-    top.direction[lane] = rays.branch_direction[lane]
-    top.throughput[lane] = rays.branch_throughput[lane]
+    top.origin[lane] = rays.branch.origin[lane]
+    top.direction[lane] = rays.branch.direction[lane]
+    top.throughput[lane] = rays.branch.throughput[lane]
     top.depth[lane] = rays.depth[lane]
     top.origin_primitive[lane] = rays.origin_primitive[lane]
     rays.waiting[lane] = waiting + 1
@@ -241,11 +241,11 @@ def _cross_null_lobes(rays, stages, shadows, scene, real):
     """Multiplies the light samples by what null lobes let pass on their way; returns the rays that were traced."""
     walk, zero, one, traced = ray_batch(shadows, real), real(0), real(1), 0
     for lane in range(np.uint64(LANES)):
-        walk.origin[lane] = rays.shadow_origin[lane]
-        walk.direction[lane] = rays.wi[lane]
-        walk.t[lane] = rays.shadow_t_max[lane]
-        walk.light_distance[lane] = rays.light_distance[lane]
-        walk.destination[lane] = rays.destination[lane]
+        walk.origin[lane] = rays.shadow.origin[lane]
+        walk.direction[lane] = rays.shadow.direction[lane]
+        walk.t[lane] = rays.shadow.t_max[lane]
+        walk.light_sample.distance[lane] = rays.light_sample.distance[lane]
+        walk.shadow.destination[lane] = rays.shadow.destination[lane]
         walk.origin_primitive[lane] = rays.origin_primitive[lane]
         walk.throughput[lane] = Vec3(one, one, one)
     for _ in range(MOST_NULL_LOBES):
@@ -258,15 +258,15 @@ def _cross_null_lobes(rays, stages, shadows, scene, real):
         call_stage(stages.transmit, shadows, scene)
     for lane in range(np.uint64(LANES)):
         passed = select(walk.t[lane] > zero, Vec3(zero, zero, zero), walk.throughput[lane])
-        rays.direct[lane] = rays.direct[lane] * passed
-        rays.occluded[lane] = 0
+        rays.shadow.direct[lane] = rays.shadow.direct[lane] * passed
+        rays.shadow.occluded[lane] = 0
     return traced
 
 
 @inline
 def _trace_shadow_rays(rays, stages, batch, shadows, scene, real):
     """Adds the light samples that nothing hides; returns the rays that were traced."""
-    traced, lanes = 0, positive_lanes(rays.shadow_t_max)
+    traced, lanes = 0, positive_lanes(rays.shadow.t_max)
     if lanes != 0 and stages.transmit != 0:
         traced = _cross_null_lobes(rays, stages, shadows, scene, real)
     elif lanes != 0:
@@ -312,7 +312,7 @@ def _finish(rays, stacks, capacity, plan, buffer):
     fits = True
     if plan.branches:
         for lane in range(np.uint64(LANES)):
-            if rays.branch[lane]:
+            if rays.branch.there[lane]:
                 fits &= _push(rays, stacks, lane, capacity)
     done, free = flagged_lanes(rays.done), np.int64(0)
     while done != 0:

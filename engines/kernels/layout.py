@@ -7,6 +7,8 @@ of shapes, then of primitives within a shape. Among hits at equal distances the 
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,12 +28,16 @@ from engines.kernels.compile.records import (
     lane_view,
     real,
     reals,
+    record,
     rows,
     scalar,
     table_view,
     vector,
     vectors,
 )
+from engines.kernels.compile.vec3 import Vec3
+from engines.kernels.lane.bsdf.interface import Scattering
+from engines.kernels.lane.lights.sample import LightSample
 from engines.kernels.light_rows import LIGHT_PARAMETERS, EnvironmentRow, LightRow, RangeRow
 from engines.kernels.program_rows import LookupRow, NodeRow, TextureRow, UVRow
 from engines.kernels.shape_rows import SHAPE_PARAMETERS, AnalyticRow, PlaneRow, PrimitiveRow, SphereRow, TriangleRow
@@ -50,6 +56,30 @@ MOST_NULL_LOBES = 1024
 """Null lobes that a path or a shadow ray crosses at most: rounding must not hold a ray for ever."""
 CAMERA_DIMENSIONS = 2
 """Dimensions before the first vertex: the place in the pixel."""
+
+
+class ShadowRay(NamedTuple):
+    """A ray from the surface to the light sample, and what it brings if it is free."""
+
+    origin: Vec3
+    direction: Vec3
+    t_max: float
+    """Not above 0 for no ray."""
+    destination: Vec3
+    """The place on the light, where null lobes are crossed."""
+    occluded: int
+    """1 or 0: loops that join flags cost more than those that select numbers."""
+    direct: Vec3
+    """Added to the radiance if the ray is free."""
+
+
+class Branch(NamedTuple):
+    """A second ray that leaves later, on the side where the viewer is."""
+
+    there: bool
+    origin: Vec3
+    direction: Vec3
+    throughput: Vec3
 
 
 class RayBatch(LaneRecord):
@@ -110,21 +140,9 @@ class RayBatch(LaneRecord):
     kept = doubles(8)  # what a stage keeps between its loops, as the next two
     kept_row, kept_column = integer(), integer()
 
-    # the light sample at the surface, and the shadow ray
-    wi = vector()  # unit, towards the light
-    light_distance = real()
-    li = vector()  # radiance over pdf
-    light_sample_pdf = real()  # per solid angle, times that of the choice of light; inf for delta lights
-    shadow_origin = vector()
-    shadow_t_max = real()  # not above 0 for no shadow ray
-    occluded = integer()  # 1 or 0: loops that join flags cost more than those that select numbers
-    direct = vector()  # added to the radiance if the shadow ray is free
-
-    # a second ray that leaves later, on the side where the viewer is
-    branch = flag()
-    branch_origin = vector()
-    branch_direction = vector()
-    branch_throughput = vector()
+    light_sample = record(LightSample)  # at the surface, as the light stage leaves it
+    shadow = record(ShadowRay)  # as the shade stage leaves it; `occluded` is the intersector's
+    branch = record(Branch)
 
     # scratch of intersectors: the ray's own frame
     frame_x = vector()
@@ -134,35 +152,14 @@ class RayBatch(LaneRecord):
     # where the scene holds several BSDF models: which one was hit, and the tangent that anisotropic ones need
     bsdf_model = integer()
     tangent = vector()  # derivative of the point by the shape's first coordinate
-    # results of the BSDF at this vertex
-    value_color = vector()
-    value_scale = real()
-    value_pdf = real()
-    sample_wi = vector()
-    sample_color = vector()
-    sample_scale = real()
-    sample_pdf = real()
-    sample_transmitted = flag()
-    sample_valid = flag()
-    reflection_wi = vector()
-    reflection_color = vector()
-    reflection_scale = real()
-    reflection_valid = flag()
-    transmission_color = vector()
-    transmission_scale = real()
-    transmission_wi = vector()
-    transmission_through = flag()
-    transmission_valid = flag()
-    diffuse_albedo = vector()
-    albedo = vector()
+    scatter = record(Scattering)  # the BSDF at this vertex, where models have stages of their own
 
     # where the scene has masks: the share of the surface that is there, and whether the sample goes straight through
     opacity = real()
     passing = flag()
     # where it has bump or normal maps, whose result is `normal`: the shading normals before the innermost and the outermost
     untilted_normal, outer_normal = vector(), vector()
-    # where it has BSDFs that refract (`Scattering.eta_scale`): of this vertex's sample, and the product along the path
-    sample_eta_scale = real()
+    # where it has BSDFs that refract: the product of `Scattering.eta_scale` along the path
     eta_scale = real()
     # where the light sample is one of several candidates (`stages.resampling`)
     drawn = reals(3)  # the vertex's random numbers, from which each candidate's follow
@@ -172,12 +169,10 @@ class RayBatch(LaneRecord):
     target_begin = real()  # the sum of those before a candidate
     target = real()  # of the candidate that is picked
     # where null lobes are crossed freely, or emitters hide from the camera
-    sample_null = flag()  # the sample goes straight on, as if no surface were there
     absent = flag()  # the surface is an emitter that hides
     scattered = flag()  # something else than null lobes lies between the camera and the ray
     crossed = real()  # the way from the last vertex to the ray's origin
     vertex_point, vertex_normal = vector(), vector()  # the last vertex, and its geometric normal
-    destination = vector()  # of a shadow ray: the place on the light
     # where paths are guided (`stages.guiding`)
     guide_leaf = integer()  # the leaf of the SD-tree where the vertex lies
     bsdf_share = real()  # with which the BSDF samples the direction, else the tree does

@@ -121,14 +121,15 @@ def shadow_tracer(real: Any) -> Any:
         rays = ray_batch(batch, real)
         lengths, traced = np.empty(LANES), 0
         for start in range(first, last, LANES):
+            shadow = rays.shadow
             traced += _load_rays(
-                rays, rays.shadow_origin, rays.wi, rays.shadow_t_max, lengths, origins, directions, t_max, center, start, last
+                rays, shadow.origin, shadow.direction, shadow.t_max, lengths, origins, directions, t_max, center, start, last
             )
             call_stage(stages[OCCLUDED], batch, scene)
             for lane in range(np.uint64(LANES)):
                 i = start + np.int64(lane)
                 if i < last:
-                    answer[i] = rays.occluded[lane] != 0
+                    answer[i] = rays.shadow.occluded[lane] != 0
         return traced
 
     return kernel(occluded)

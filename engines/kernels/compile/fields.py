@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any, ClassVar, get_type_hints
 
 import numpy as np
 from numba import types
+
+from engines.kernels.compile.vec3 import Vec3
 
 LANES = 16
 """Lanes of a ray batch: one 512-bit vector of float32."""
@@ -31,7 +33,7 @@ class Layout:
     def __init_subclass__(cls) -> None:
         cls.fields = {name: value for name, value in vars(cls).items() if isinstance(value, Field)}
         for name, value in cls.fields.items():
-            value.name = name
+            value.call(name)
 
 
 class Field:
@@ -40,6 +42,22 @@ class Field:
     def __init__(self, kind: str, n: int = 1, dtype: Any = REAL, row: Any = None, over: Any = None) -> None:
         self.kind, self.n, self.dtype, self.row, self.over = kind, n, dtype, row, over
         self.name, self.first = "", 0
+        self.record: Any = None
+        self.parts: dict[str, Field] = {}
+
+    def call(self, name: str) -> None:
+        """Gives the field its name, and its parts theirs, such as `hit.point`."""
+        self.name = name
+        for part, field in self.parts.items():
+            field.call(f"{name}.{part}")
+
+    def place(self, first: int) -> int:
+        """Puts the field at number `first` of a lane; returns the number behind it."""
+        self.first = first
+        for part in self.parts.values():
+            first = part.place(first)
+        self.n = first - self.first if self.parts else self.n
+        return first if self.parts else first + self.n * (2 if self.kind == "doubles" else 1)
 
 
 def _declared(kind: str, n: int = 1, dtype: Any = REAL, row: Any = None) -> Any:
@@ -69,6 +87,21 @@ def integer() -> Any:
 def flag() -> Any:
     """In lanes: a truth value."""
     return _declared("flag")
+
+
+def record(kind: type) -> Any:
+    """In lanes: a NamedTuple, whose fields are as annotated: `float`, `int`, `bool`, `Vec3`, or another NamedTuple.
+    `field[lane]` loads it, `field[lane] = value` stores what in it is not None, `field.part[lane]` is one of its fields."""
+    field = Field("record")
+    field.record, field.parts = kind, {name: _part(hint) for name, hint in get_type_hints(kind).items()}
+    return field
+
+
+def _part(hint: Any) -> Field:
+    kinds = {float: "number", int: "integer", bool: "flag"}
+    if hint is Vec3:
+        return Field("vector", 3)
+    return Field(kinds[hint]) if hint in kinds else record(hint)
 
 
 def bits_of(field: Any) -> Any:

@@ -29,9 +29,17 @@ class LaneRecord(Layout):
         for field in cls.fields.values():
             if field.over is not None:
                 field.first = field.over.first
-                continue
-            field.first = cls.size
-            cls.size += field.n * (2 if field.kind == "doubles" else 1)
+            else:
+                cls.size = field.place(cls.size)
+
+    @classmethod
+    def number(cls, path: str) -> int:
+        """The first number of a lane of a field, such as "t" or "hit.point"."""
+        name, *parts = path.split(".")
+        field = cls.fields[name]
+        for part in parts:
+            field = field.parts[part]
+        return field.first
 
     @classmethod
     def bytes(cls, scalar_type: Any) -> int:
@@ -47,8 +55,12 @@ class LaneView(types.Type):
 
 class LaneField(types.Type):
     def __init__(self, layout: type[LaneRecord], scalar_type: Any, field: Field) -> None:
-        self.real, self.field = scalar_type, field
+        self.layout, self.real, self.field = layout, scalar_type, field
         super().__init__(name=f"{layout.__module__}.{layout.__qualname__}.{field.name}({scalar_type})")
+
+    def part(self, field: Field) -> LaneField:
+        """The type of a part of a record."""
+        return LaneField(self.layout, self.real, field)
 
 
 @register_model(LaneView)
@@ -72,7 +84,24 @@ def _lane_field(context: Any, builder: Any, kind: Any, value: Any, name: str) ->
     return value
 
 
+@infer_getattr
+class _RecordFields(AttributeTemplate):
+    key = LaneField
+
+    def generic_resolve(self, field: Any, name: str) -> Any:
+        part = field.field.parts.get(name)
+        return None if part is None else field.part(part)
+
+
+@lower_getattr_generic(LaneField)
+def _record_field(context: Any, builder: Any, kind: Any, value: Any, name: str) -> Any:
+    return value
+
+
 def _lane_item(kind: Any, index: Any) -> Any:
+    if kind.field.kind == "record":
+        parts = [_lane_item(kind.part(part), index) for part in kind.field.parts.values()]
+        return None if None in parts else types.BaseTuple.from_types(parts, kind.field.record)
     several = kind.field.kind in ("numbers", "integers", "doubles")
     if isinstance(index, types.BaseTuple) != several or (several and len(index) != 2):
         return None
@@ -100,6 +129,9 @@ def _double_place(context: Any, builder: Any, kind: Any, base: Any, index: Any) 
 
 def _get_lane(context: Any, builder: Any, kind: Any, base: Any, index: Any) -> Any:
     field = kind.field
+    if field.kind == "record":
+        values = [_get_lane(context, builder, kind.part(part), base, index) for part in field.parts.values()]
+        return context.make_tuple(builder, _lane_item(kind, types.int64), values)
     if field.kind == "doubles":
         return load(builder, _double_place(context, builder, kind, base, index), True)
     if field.kind in ("numbers", "integers"):
@@ -120,7 +152,11 @@ def _get_lane(context: Any, builder: Any, kind: Any, base: Any, index: Any) -> A
 
 def _put_lane(context: Any, builder: Any, kind: Any, base: Any, index: Any, value: Any, of: Any) -> None:
     field = kind.field
-    if field.kind == "doubles":
+    if field.kind == "record":
+        for part, given, given_type in zip(field.parts.values(), cgutils.unpack_tuple(builder, value), of, strict=True):
+            if given_type != types.none:
+                _put_lane(context, builder, kind.part(part), base, index, given, given_type)
+    elif field.kind == "doubles":
         value = context.cast(builder, value, of, types.float64)
         store(builder, value, _double_place(context, builder, kind, base, index), True)
     elif field.kind in ("numbers", "integers"):

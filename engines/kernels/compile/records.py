@@ -4,7 +4,8 @@ Three kinds of layout are declared as classes:
 
 - `LaneRecord`: the state of sixteen lanes, field by field, each field sixteen numbers in a row. `lane_view(Layout)` makes
   the function `view(address, real)`. Of a view, `view.field[lane]` loads and `view.field[lane] = value` stores; `view[k]`
-  is the view of the k-th such record in memory that holds several. `lane_numbers(view.field, lane)` loads a tuple.
+  is the view of the k-th such record in memory that holds several. `lane_numbers(view.field, lane)` loads a tuple. A field may
+  be a `record`, a NamedTuple with fields of its own.
 - `Row`: numbers of one type side by side; `row.field` loads.
 - `Table`: 64-bit slots, each the address of an array or a whole number. `table_view(Layout)` makes `view(address, real)`,
   of which `view.array[i]` and `view.number` load.
@@ -23,6 +24,7 @@ from engines.kernels.compile.fields import (
     integer,
     real,
     reals,
+    record,
     rows,
     scalar,
     vector,
@@ -52,6 +54,7 @@ __all__ = [
     "prefetch",
     "real",
     "reals",
+    "record",
     "rows",
     "scalar",
     "table_view",

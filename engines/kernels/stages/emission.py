@@ -97,15 +97,16 @@ def make_light_samples(features: SceneFeatures, real: Any) -> Any:
     @inline
     def light_samples(rays, scene):
         for lane in range(np.uint64(LANES)):
-            li, kind, primitive = rays.li[lane], rays.light_kind[lane], np.int64(-1)
+            li, kind, primitive = rays.light_sample.radiance[lane], rays.light_kind[lane], np.int64(-1)
             if rays.alive[lane] and not rays.miss[lane] and li.x > zero:
                 if kind == MESH:
                     primitive = np.int64(rays.kept_row[lane])
                 elif kind in (SPHERE, DISK, CYLINDER):
                     primitive = np.int64(scene.light_primitives[rays.kept_column[lane]])
             if primitive >= 0:
-                p = to_float64(rays.point[lane]) + to_float64(rays.wi[lane]) * np.float64(rays.light_distance[lane])
+                sample = rays.light_sample[lane]
+                p = to_float64(rays.point[lane]) + to_float64(sample.wi) * np.float64(sample.distance)
                 root, u1 = math.sqrt(np.float64(rays.draw[POINT_U0, lane])), np.float64(rays.draw[POINT_U1, lane])
-                rays.li[lane] = li * radiance(scene, primitive, p, root * (1.0 - u1), root * u1, white)
+                rays.light_sample.radiance[lane] = li * radiance(scene, primitive, p, root * (1.0 - u1), root * u1, white)
 
     return light_samples

@@ -231,38 +231,41 @@ def _make_mix(masks: bool, lit: bool, real: Any) -> Any:
         lanes = scattering_lanes(rays, np.int64(scene.options[0]))
         if lit:
             for lane in range(np.uint64(LANES)):
-                asked = ((lanes >> np.int64(lane)) & 1 != 0) & (rays.bsdf_share[lane] < one) & (rays.value_scale[lane] > zero)
-                x, y = _place_of(rays.wi[lane])
+                asked = ((lanes >> np.int64(lane)) & 1 != 0) & (rays.bsdf_share[lane] < one)
+                asked = asked & (rays.scatter.value.scale[lane] > zero)
+                x, y = _place_of(rays.light_sample.wi[lane])
                 rays.guide_x[lane], rays.guide_y[lane] = clamped(x), clamped(y)
                 rays.guide_node[lane] = select(asked, np.int32(rays.guide_leaf[lane]), np.int32(-1))
             look_up(rays, scene)
             for lane in range(np.uint64(LANES)):
                 share, opacity = rays.bsdf_share[lane], rays.opacity[lane] if masks else one
                 by_tree = (one - share) * opacity * rays.guide_pdf[lane]
-                rays.value_pdf[lane] = share * rays.value_pdf[lane] + by_tree
+                rays.scatter.pdf[lane] = share * rays.scatter.pdf[lane] + by_tree
         for lane in range(np.uint64(LANES)):
-            asked = ((lanes >> np.int64(lane)) & 1 != 0) & rays.sample_valid[lane] & (rays.sample_pdf[lane] <= huge)
-            x, y = _place_of(rays.sample_wi[lane])
+            sample = rays.scatter.sample[lane]
+            asked = ((lanes >> np.int64(lane)) & 1 != 0) & sample.valid & (sample.pdf <= huge)
+            x, y = _place_of(sample.wi)
             rays.guide_x[lane], rays.guide_y[lane] = clamped(x), clamped(y)
             rays.guide_node[lane] = select(asked, np.int32(rays.guide_leaf[lane]), np.int32(-1))
         look_up(rays, scene)
         for lane in range(np.uint64(LANES)):
-            share, pdf = rays.bsdf_share[lane], rays.sample_pdf[lane]
+            share, sample = rays.bsdf_share[lane], rays.scatter.sample[lane]
+            pdf = sample.pdf
             opacity = rays.opacity[lane] if masks else one
             specular, mixed = pdf > huge, share * pdf + (one - share) * opacity * rays.guide_pdf[lane]
             by_bsdf = select(specular, one / share, pdf / mixed)
             factor = select(rays.guided[lane], one / mixed, by_bsdf)
             ratio = select(specular, one, select(pdf > zero, mixed / pdf, one))
             ratio = select(ratio > one, ratio, one)
-            rays.sample_eta_scale[lane] = rays.sample_eta_scale[lane] * ratio
-            scale = rays.sample_scale[lane] * select(mixed > zero, factor, zero)
-            rays.sample_scale[lane] = scale
-            rays.sample_pdf[lane] = select(specular, pdf, mixed)
+            rays.scatter.eta_scale[lane] = rays.scatter.eta_scale[lane] * ratio
+            scale = sample.weight.scale * select(mixed > zero, factor, zero)
+            rays.scatter.sample.weight.scale[lane] = scale
+            rays.scatter.sample.pdf[lane] = select(specular, pdf, mixed)
             # the record
-            weight, depth = rays.sample_color[lane] * scale, np.int32(rays.depth[lane])
-            side = dot(rays.geometric_normal[lane], rays.sample_wi[lane])
-            leaves = select(rays.sample_transmitted[lane], -side, side) > zero
-            kept = ((lanes >> np.int64(lane)) & 1 != 0) & rays.sample_valid[lane] & leaves & (not specular)
+            weight, depth = sample.weight.color * scale, np.int32(rays.depth[lane])
+            side = dot(rays.geometric_normal[lane], sample.wi)
+            leaves = select(sample.transmitted, -side, side) > zero
+            kept = ((lanes >> np.int64(lane)) & 1 != 0) & sample.valid & leaves & (not specular)
             kept = kept & (mixed > zero) & (largest(weight) > zero) & (depth <= np.int32(MOST_RECORDS))
             rays.record_vertex[lane] = select(kept, depth - np.int32(1), np.int32(-1))
             rays.record_throughput[lane] = rays.throughput[lane]

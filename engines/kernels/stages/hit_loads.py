@@ -32,7 +32,7 @@ from engines.kernels.stages.prefetching import NEAR_TRIANGLES, make_prefetch
 
 def lane_number(field: str) -> int:
     """The first number of a lane of a field of the ray batch."""
-    return RayBatch.fields[field].first
+    return RayBatch.number(field)
 
 
 def _vector_loads(field: str) -> list[Any]:

@@ -92,7 +92,7 @@ def _make_load(kinds: tuple[int, ...], selection: Selection, real: Any) -> Any:
             rays.kept[0, lane] = rest
         load_lights(rays, address_of(scene.lights), EVERY_LANE)
         for lane in range(np.uint64(LANES)):
-            kind = np.int32(rays.light_distance[lane])
+            kind = np.int32(rays.light_sample.distance[lane])
             rays.light_kind[lane] = select(rays.kept_column[lane] < 0, np.int32(-1), kind)
         if meshes:
             lanes = _on_meshes(rays.light_kind)
@@ -108,7 +108,7 @@ def _make_load_lights(kinds: tuple[int, ...]) -> Any:
     parameters = max(MODELS[kind].parameters for kind in kinds)
     first = LightRow.fields["parameters"].first
     columns = [LightRow.fields["kind"].first, *(COLOR + k for k in range(4)), *(first + k for k in range(parameters))]
-    targets = [lane_number("light_distance"), *_COLOR_AND_SIDES]
+    targets = [lane_number("light_sample.distance"), *_COLOR_AND_SIDES]
     targets += [lane_number("light_parameters") + k for k in range(parameters)]
     return make_load_rows("kept_row", LightRow, tuple(columns), tuple(targets))
 
@@ -170,10 +170,9 @@ def _make_sample_one(kinds: tuple[int, ...], selection: Selection, turned: bool,
             sample = LightSample(Vec3(zero, zero, one), infinite, Vec3(zero, zero, zero), infinite)
             u0, u1 = rays.draw[POINT_U0, lane], rays.draw[POINT_U1, lane]
             sample = sample_light(rays.light_kind[lane], sample, light, rays.point[lane], rays.normal[lane], u0, u1)
-            rays.wi[lane] = sample.wi
-            rays.light_distance[lane] = sample.distance
-            rays.li[lane] = sample.radiance * (one / share)
-            rays.light_sample_pdf[lane] = sample.pdf * share
+            rays.light_sample[lane] = LightSample(
+                sample.wi, sample.distance, sample.radiance * (one / share), sample.pdf * share
+            )
         if image_environment:
             _image_environment(rays, scene, environment_share, turned, real)
 
@@ -277,7 +276,7 @@ def _image_environment(rays, scene, share, turned, real):
         if turned:
             wi = environment.to_scene(axes, wi)
         rays.kept[2, lane] = sine
-        rays.wi[lane] = select((lanes >> np.int64(lane)) & 1 != 0, to_real(wi, real), rays.wi[lane])
+        rays.light_sample.wi[lane] = select((lanes >> np.int64(lane)) & 1 != 0, to_real(wi, real), rays.light_sample.wi[lane])
     while lanes != 0:
         lane = np.uint64(lowest_bit(lanes))
         lanes &= lanes - 1
@@ -285,9 +284,9 @@ def _image_environment(rays, scene, share, turned, real):
         radiance = environment.radiance(scene.environment, environment.texels_at(width, height, axes, u, v))
         density = scene.environment_pdf[environment.texel_of(width, height, u, v)]
         pdf = environment.pdf_solid_angle(density, sine) * np.float64(share)
-        rays.light_distance[lane] = real(np.inf)
-        rays.li[lane] = radiance * (1.0 / pdf if pdf > 0.0 else 0.0)
-        rays.light_sample_pdf[lane] = pdf
+        rays.light_sample.distance[lane] = real(np.inf)
+        rays.light_sample.radiance[lane] = radiance * (1.0 / pdf if pdf > 0.0 else 0.0)
+        rays.light_sample.pdf[lane] = pdf
 
 
 def stage(features: SceneFeatures, every: bool, resampled: bool, real: Any) -> Any:

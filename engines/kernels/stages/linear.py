@@ -28,8 +28,8 @@ def keep_nearer(rays, lane, t, primitive, valid):
 @inline
 def block_shadow(rays, lane, t, valid):
     """Marks the lane's shadow ray as blocked when t lies inside it."""
-    blocked = valid & (t < rays.shadow_t_max[lane])
-    rays.occluded[lane] = select(blocked, np.int64(1), rays.occluded[lane])
+    blocked = valid & (t < rays.shadow.t_max[lane])
+    rays.shadow.occluded[lane] = select(blocked, np.int64(1), rays.shadow.occluded[lane])
 
 
 @inline
@@ -77,7 +77,7 @@ def occluded_planes(rays, scene, real):
     for i in range(scene.n_planes):
         point, normal, primitive = scene.planes[i].point, scene.planes[i].normal, scene.plane_primitives[i]
         for lane in range(np.uint64(LANES)):
-            o, d = to_float64(rays.shadow_origin[lane]), to_float64(rays.wi[lane])
+            o, d = to_float64(rays.shadow.origin[lane]), to_float64(rays.shadow.direction[lane])
             t = real(plane_distance(o, d, point, normal))
             block_shadow(rays, lane, t, (t > real(0)) & (primitive != rays.origin_primitive[lane]))
 
@@ -86,10 +86,10 @@ def occluded_planes(rays, scene, real):
 def occluded_spheres(rays, scene, real):
     for i in range(scene.n_spheres):
         center, radius = scene.spheres[i].center, scene.spheres[i].radius
-        if not _some_near(rays.shadow_origin, rays.wi, rays.shadow_t_max, center, radius, real):
+        if not _some_near(rays.shadow.origin, rays.shadow.direction, rays.shadow.t_max, center, radius, real):
             continue
         for lane in range(np.uint64(LANES)):
-            o, d = to_float64(rays.shadow_origin[lane]), to_float64(rays.wi[lane])
+            o, d = to_float64(rays.shadow.origin[lane]), to_float64(rays.shadow.direction[lane])
             t = real(sphere_distance(o, d, center, radius))
             block_shadow(rays, lane, t, True)
 
@@ -130,7 +130,7 @@ def make_analytic_test(kinds: tuple[int, ...], shadow: bool) -> Any:
     @inline
     def test(rays, scene, real):
         if shadow:
-            origin, direction = rays.shadow_origin, rays.wi
+            origin, direction = rays.shadow.origin, rays.shadow.direction
         else:
             origin, direction = rays.origin, rays.direction
         for i in range(scene.n_analytic):

@@ -54,7 +54,7 @@ def store_targets(rays, scene, candidate, real):
     zero, through = real(0), scene.lit_through != 0
     delta_only = scene.options[DIRECT_OPTION] == BSDF_ONLY
     for lane in range(np.uint64(LANES)):
-        wi, li, pdf = rays.wi[lane], rays.li[lane], rays.light_sample_pdf[lane]
+        wi, li, pdf = rays.light_sample.wi[lane], rays.light_sample.radiance[lane], rays.light_sample.pdf[lane]
         luminance = 0.212671 * li.x + 0.715160 * li.y + 0.072169 * li.z
         reaches = (pdf > zero) & (through | (dot(rays.geometric_normal[lane], wi) > zero))
         reaches = reaches & ((not delta_only) | (pdf > HUGE))
@@ -90,6 +90,6 @@ def weigh(rays, count, real):
     for lane in range(np.uint64(LANES)):
         total = rays.target_sum[lane]
         nothing = total == zero
-        scaled = rays.li[lane] * (total * share / rays.target[lane])
-        rays.li[lane] = select(nothing, Vec3(zero, zero, zero), scaled)
-        rays.light_sample_pdf[lane] = select(nothing, zero, rays.light_sample_pdf[lane])
+        scaled = rays.light_sample.radiance[lane] * (total * share / rays.target[lane])
+        rays.light_sample.radiance[lane] = select(nothing, Vec3(zero, zero, zero), scaled)
+        rays.light_sample.pdf[lane] = select(nothing, zero, rays.light_sample.pdf[lane])

@@ -151,7 +151,7 @@ def _make_scatter(features: SceneFeatures, kind: int, uses: Uses) -> Any:
 
     @inline
     def scatter(rays, lane, si, draws):
-        parameters, wi, zero = lane_numbers(rays.bsdf, lane), rays.wi[lane], const(0.0, si.t)
+        parameters, wi, zero = lane_numbers(rays.bsdf, lane), rays.light_sample.wi[lane], const(0.0, si.t)
         none = Vec3(zero, zero, zero)
         value, pdf, diffuse, albedo = Spectrum(none, zero), zero, none, none
         sample, reflection, transmission = no_sample(zero), no_sample(zero), no_sample(zero)
@@ -209,45 +209,57 @@ def _make_load_scattering(light_through: bool, bends: bool) -> Any:
 
     @inline
     def load(rays, lane, si, draws):
-        through = light_through & (dot(si.normal, rays.wi[lane]) < 0.0)
-        eta_scale = rays.sample_eta_scale[lane] if bends else 1.0
-        return _load_scattering(rays, lane, si, through, eta_scale)
+        through = light_through & (dot(si.normal, rays.light_sample.wi[lane]) < 0.0)
+        of = rays.scatter[lane]
+        return Scattering(
+            of.value,
+            of.pdf,
+            of.sample,
+            of.reflection,
+            of.transmission,
+            of.diffuse,
+            of.albedo,
+            through,
+            of.null,
+            of.eta_scale if bends else const(1.0, si.t),
+        )
 
     return load
 
 
 @inline
-def _load_scattering(rays, lane, si, through, eta_scale):
-    return Scattering(
-        Spectrum(rays.value_color[lane], rays.value_scale[lane]),
-        rays.value_pdf[lane],
-        BSDFSample(
-            rays.sample_wi[lane],
-            Spectrum(rays.sample_color[lane], rays.sample_scale[lane]),
-            rays.sample_pdf[lane],
-            rays.sample_transmitted[lane],
-            rays.sample_valid[lane],
-        ),
-        BSDFSample(
-            rays.reflection_wi[lane],
-            Spectrum(rays.reflection_color[lane], rays.reflection_scale[lane]),
-            0.0,
-            False,
-            rays.reflection_valid[lane],
-        ),
-        BSDFSample(
-            rays.transmission_wi[lane],
-            Spectrum(rays.transmission_color[lane], rays.transmission_scale[lane]),
-            0.0,
-            rays.transmission_through[lane],
-            rays.transmission_valid[lane],
-        ),
-        rays.diffuse_albedo[lane],
-        rays.albedo[lane],
-        through,
-        rays.sample_null[lane],
-        eta_scale,
+def _kept(part):
+    return part
+
+
+@inline
+def _dropped(part):
+    return None
+
+
+@cache
+def _make_used(uses: Uses, null: bool, bends: bool) -> Any:
+    """The function Scattering -> the same with None for the parts that no integrator reads, which are not stored."""
+    value, sample, specular, albedos, null_of, eta_scale = (
+        _kept if used else _dropped for used in (*uses, uses.sample and null, uses.sample and bends)
     )
+
+    @inline
+    def used(of):
+        return Scattering(
+            value(of.value),
+            value(of.pdf),
+            sample(of.sample),
+            specular(of.reflection),
+            specular(of.transmission),
+            albedos(of.diffuse),
+            albedos(of.albedo),
+            None,
+            null_of(of.null),
+            eta_scale(of.eta_scale),
+        )
+
+    return used
 
 
 def refracts(features: SceneFeatures) -> bool:
@@ -271,8 +283,7 @@ def make_scattering(features: SceneFeatures, uses: Uses) -> Any:
 def _make(features: SceneFeatures, kind: int, uses: Uses, real: Any) -> Any:
     scatter, alone = _make_scatter(features, kind, uses), len(features.bsdfs) == 1
     bends = uses.sample and refracts(features)
-    use_value, use_sample, use_specular, use_albedos = uses
-    stores_null = tells_null(features) or features.hidden_emitters
+    used = _make_used(uses, tells_null(features) or features.hidden_emitters, bends)
 
     def scattering(batch, scene_address):
         rays, scene, hits = ray_batch(batch, real), scene_table(scene_address, real), np.int64(0)
@@ -282,35 +293,7 @@ def _make(features: SceneFeatures, kind: int, uses: Uses, real: Any) -> Any:
             return
         for lane in range(np.uint64(LANES)):
             if alone or rays.bsdf_model[lane] == kind:
-                found = scatter(rays, lane, load_interaction(rays, scene, lane), load_draws(rays, lane))
-                if use_value:
-                    rays.value_color[lane] = found.value.color
-                    rays.value_scale[lane] = found.value.scale
-                    rays.value_pdf[lane] = found.pdf
-                if use_sample:
-                    rays.sample_wi[lane] = found.sample.wi
-                    rays.sample_color[lane] = found.sample.weight.color
-                    rays.sample_scale[lane] = found.sample.weight.scale
-                    rays.sample_pdf[lane] = found.sample.pdf
-                    rays.sample_transmitted[lane] = found.sample.transmitted
-                    rays.sample_valid[lane] = found.sample.valid
-                    if stores_null:
-                        rays.sample_null[lane] = found.null
-                    if bends:
-                        rays.sample_eta_scale[lane] = found.eta_scale
-                if use_specular:
-                    rays.reflection_wi[lane] = found.reflection.wi
-                    rays.reflection_color[lane] = found.reflection.weight.color
-                    rays.reflection_scale[lane] = found.reflection.weight.scale
-                    rays.reflection_valid[lane] = found.reflection.valid
-                    rays.transmission_wi[lane] = found.transmission.wi
-                    rays.transmission_color[lane] = found.transmission.weight.color
-                    rays.transmission_scale[lane] = found.transmission.weight.scale
-                    rays.transmission_through[lane] = found.transmission.transmitted
-                    rays.transmission_valid[lane] = found.transmission.valid
-                if use_albedos:
-                    rays.diffuse_albedo[lane] = found.diffuse
-                    rays.albedo[lane] = found.albedo
+                rays.scatter[lane] = used(scatter(rays, lane, load_interaction(rays, scene, lane), load_draws(rays, lane)))
 
     return scattering
 

@@ -28,6 +28,7 @@ from engines.kernels.layout import (
     SHADER_OPTIONS,
     VERTEX_DIMENSIONS,
     VERTEX_DRAWS,
+    Branch,
     ray_batch,
     scene_table,
 )
@@ -151,17 +152,17 @@ def _store_shadow_ray(rays, lane, si, light, direct, offset, share, working, sha
     step = offset
     if shading.through:
         step = select(dot(si.geometric_normal, light.wi) < 0.0, -offset, offset)
-    rays.shadow_origin[lane] = si.point + si.geometric_normal * step
+    rays.shadow.origin[lane] = si.point + si.geometric_normal * step
     zero, infinite = const(0.0, offset), const(math.inf, offset)
     sent = working & (not ((direct.x <= zero) & (direct.y <= zero) & (direct.z <= zero)))  # NaN is sent, to be counted
-    rays.direct[lane] = select(sent, direct, Vec3(zero, zero, zero))
+    rays.shadow.direct[lane] = select(sent, direct, Vec3(zero, zero, zero))
     aim = light.wi * light.distance - si.geometric_normal * step
     way, endless = length(aim), light.distance == infinite
-    rays.wi[lane] = select(endless, light.wi, aim * (1.0 / way))
+    rays.shadow.direction[lane] = select(endless, light.wi, aim * (1.0 / way))
     if shading.transparent:
-        rays.destination[lane] = si.point + light.wi * light.distance
+        rays.shadow.destination[lane] = si.point + light.wi * light.distance
     way = select(endless, infinite, way * share - offset)
-    rays.shadow_t_max[lane] = select(sent & shading.shadows, way, -1.0)
+    rays.shadow.t_max[lane] = select(sent & shading.shadows, way, -1.0)
 
 
 @cache
@@ -238,7 +239,7 @@ def _load(rays, scene, lane, shading, real):
     none, depth = Vec3(real(0), real(0), real(0)), rays.depth[lane]
     light = LightSample(none, real(0), none, real(0))
     if shading.lit:
-        light = LightSample(rays.wi[lane], rays.light_distance[lane], rays.li[lane], rays.light_sample_pdf[lane])
+        light = rays.light_sample[lane]
     eta_scale = select(depth > 1, rays.eta_scale[lane], real(1)) if shading.refracts else real(1)
     path = Path(rays.throughput[lane], real(depth), rays.pdf[lane], eta_scale)
     return State(rays.alive[lane], depth, load_interaction(rays, scene, lane), light, path)
@@ -264,10 +265,8 @@ def _store(rays, lane, before, result, crosses, null, n_lights, shading, left, s
     goes = ends & alive
     rays.done[lane] = ends & (not alive)
     if shading.branches:
-        rays.branch[lane] = goes & result.branch
-        rays.branch_direction[lane] = result.branch_direction
-        rays.branch_throughput[lane] = result.branch_throughput
-        rays.branch_origin[lane] = si.point + si.geometric_normal * offset
+        there, origin = goes & result.branch, si.point + si.geometric_normal * offset
+        rays.branch[lane] = Branch(there, origin, result.branch_direction, result.branch_throughput)
     if shading.transparent or shading.hides:
         _store_crossing_ray(rays, lane, si, before.path, result, crosses, null, goes, offset, depth, left)
         return

@@ -122,9 +122,9 @@ def _store_next_rays(rays, share, left, real):
     zero, infinite = real(0), real(math.inf)
     for lane in range(np.uint64(LANES)):
         goes = (not rays.miss[lane]) & (largest(rays.throughput[lane]) > zero)
-        offset, endless = rays.offset[lane], rays.light_distance[lane] == infinite
+        offset, endless = rays.offset[lane], rays.light_sample.distance[lane] == infinite
         origin = rays.point[lane] - rays.geometric_normal[lane] * offset
-        aim = rays.destination[lane] - origin
+        aim = rays.shadow.destination[lane] - origin
         way = length(aim)
         rays.origin[lane] = origin
         rays.direction[lane] = select(endless, rays.direction[lane], aim * (real(1) / way))

@@ -283,8 +283,8 @@ def _enter_leaf(rays, lane, o, d, ray, tree, rule, real, row_bytes, bytes_each):
     valid = valid & (t > real(0))
     hidden = False
     if rule.shadow:
-        hidden = bits(valid & (t < rays.shadow_t_max[lane])) != 0
-        rays.occluded[lane] = hidden
+        hidden = bits(valid & (t < rays.shadow.t_max[lane])) != 0
+        rays.shadow.occluded[lane] = hidden
     else:
         _take_nearest(rays, ray, lane, t, primitives, valid, real)
     return _take_waiting(ray, tree, hidden)
@@ -302,7 +302,7 @@ def _enter_analytic_leaf(rays, scene, lane, o, d, ray, tree, shadow, distance, r
         valid = (t < real(np.inf)) & (primitive != rays.origin_primitive[lane])
         if shadow:
             block_shadow(rays, lane, t, valid)
-            hidden = rays.occluded[lane] != 0
+            hidden = rays.shadow.occluded[lane] != 0
         else:
             keep_nearer(rays, lane, t, primitive, valid)
             _set_t_max(ray, rays.t[lane])
@@ -343,7 +343,7 @@ def _make(triangles: bool, spheres: bool, planes: bool, analytic: tuple[int, ...
         rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
         rule, scratch = Rule(triangles, spheres, shadow), batch + scratch_first
         if shadow:
-            origin, direction, t_max = rays.shadow_origin, rays.wi, rays.shadow_t_max
+            origin, direction, t_max = rays.shadow.origin, rays.shadow.direction, rays.shadow.t_max
         else:
             origin, direction, t_max = rays.origin, rays.direction, rays.t
         clear_hits(rays, shadow)

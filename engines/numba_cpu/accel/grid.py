@@ -268,7 +268,7 @@ def _make(triangles: bool, spheres: bool, planes: bool, analytic: tuple[int, ...
     def stage(batch, scene_address):
         rays, scene, own = ray_batch(batch, real), scene_table(scene_address, real), grid_table(scene_address, real)
         if shadow:
-            origin, direction, t_max = rays.shadow_origin, rays.wi, rays.shadow_t_max
+            origin, direction, t_max = rays.shadow.origin, rays.shadow.direction, rays.shadow.t_max
         else:
             origin, direction, t_max = rays.origin, rays.direction, rays.t
         grid = Grid(
@@ -294,7 +294,7 @@ def _make(triangles: bool, spheres: bool, planes: bool, analytic: tuple[int, ...
                     ray, t, left, scene, grid, triangles, spheres, has_analytic, distance_to_analytic, shadow, widen, real
                 )
             if shadow:
-                rays.occluded[lane] = primitive >= 0
+                rays.shadow.occluded[lane] = primitive >= 0
             else:
                 rays.t[lane] = t
                 rays.primitive[lane] = primitive

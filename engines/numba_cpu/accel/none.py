@@ -241,7 +241,7 @@ def _make(triangles: bool, spheres: bool, planes: bool, analytic: tuple[int, ...
     def stage(batch, scene_address):
         rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
         if shadow:
-            origin, direction, end = rays.shadow_origin, rays.wi, rays.shadow_t_max
+            origin, direction, end = rays.shadow.origin, rays.shadow.direction, rays.shadow.t_max
         else:
             origin, direction, end = rays.origin, rays.direction, rays.t
         clear_hits(rays, shadow)

@@ -47,7 +47,7 @@ def clear_hits(rays, shadow):
     """No ray has hit anything yet."""
     for lane in range(np.uint64(LANES)):
         if shadow:
-            rays.occluded[lane] = 0
+            rays.shadow.occluded[lane] = 0
         else:
             rays.primitive[lane] = -1
 
