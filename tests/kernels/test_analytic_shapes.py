@@ -168,13 +168,13 @@ def run_batch(accelerator, shapes, fields):
     stages = made.stages(flat.features, np.float64)
     memory = aligned(batch_bytes(np.float64, made.scratch))
     numbers = memory[: RayBatch.bytes(np.float64)].view(np.float64).reshape(-1, LANES)
-    words, first = numbers.view(np.int64), {name: field.first for name, field in RayBatch.fields.items()}
+    words = numbers.view(np.int64)
     for name, values in fields.items():
         target = words if name == "origin_primitive" else numbers
-        target[first[name] : first[name] + len(values)] = values
+        target[RayBatch.number(name) : RayBatch.number(name) + len(values)] = values
     for stage in stages:
         ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_int64)(stage.address)(memory.ctypes.data, flat.address)
-    return words[first["primitive"]].copy(), words[first["occluded"]].copy()
+    return words[RayBatch.number("primitive")].copy(), words[RayBatch.number("shadow.occluded")].copy()
 
 
 @pytest.mark.parametrize("accelerator", ["none", *ACCELERATORS, "embree"])
@@ -184,7 +184,7 @@ def test_a_ray_does_not_meet_the_disk_that_it_leaves_and_ends_before_its_end(acc
     t_max = np.array([np.inf, np.inf, np.inf, 1e-3] * 4)
     origin, down = np.outer([0.1, 0.2, 1e-3], np.ones(16)), np.outer([0, 0, -1.0], np.ones(16))
     ray = {"origin": origin, "direction": down, "t": [t_max], "origin_primitive": [left]}
-    shadow = {"shadow_origin": origin, "wi": down, "shadow_t_max": [t_max]}
+    shadow = {"shadow.origin": origin, "shadow.direction": down, "shadow.t_max": [t_max]}
     closest, occluded = run_batch(accelerator, [here, here], {**ray, **shadow})
     assert closest.tolist() == [0, 1, 0, -1] * 4
     assert occluded.tolist() == [1, 1, 1, 0] * 4
