@@ -231,7 +231,7 @@ def _some_scatter(rays, last_depth):
     """Whether some lane needs random numbers, a light sample and its BSDF."""
     lanes = np.int32(0)
     for lane in range(np.uint64(LANES)):
-        scatters = rays.alive[lane] & (not rays.miss[lane]) & (np.int32(rays.depth[lane]) < last_depth)
+        scatters = rays.alive[lane] & (not rays.hit.miss[lane]) & (np.int32(rays.depth[lane]) < last_depth)
         lanes |= np.int32(1 if scatters else 0)
     return lanes != 0
 

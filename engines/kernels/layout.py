@@ -58,6 +58,41 @@ CAMERA_DIMENSIONS = 2
 """Dimensions before the first vertex: the place in the pixel."""
 
 
+class Hit(NamedTuple):
+    """The surface interaction. Of a miss, `emission` is the environment's, and `t` of the ray is infinite."""
+
+    miss: bool
+    front: bool
+    """Met from the side of the shape's own normal."""
+    shape: int
+    """Kind of the primitive."""
+    u: float
+    v: float
+    point: Vec3
+    normal: Vec3
+    """Shading normal, towards the viewer, as the next."""
+    geometric_normal: Vec3
+    tangent: Vec3
+    """Derivative of the point by the shape's first coordinate, where some material is anisotropic."""
+    offset: float
+    """How far from the surface new rays start."""
+    emission: Vec3
+    """Towards the viewer."""
+    light_pdf: float
+    """With which the light sample would have found this emission; 0 where it never does."""
+
+
+class Face(NamedTuple):
+    """A triangle of a mesh: the indices of its vertices, and where they are."""
+
+    corner0: int
+    corner1: int
+    corner2: int
+    vertex0: Vec3
+    vertex1: Vec3
+    vertex2: Vec3
+
+
 class ShadowRay(NamedTuple):
     """A ray from the surface to the light sample, and what it brings if it is free."""
 
@@ -111,32 +146,30 @@ class RayBatch(LaneRecord):
     primitive = integer()  # id of the primitive hit, -1 for none
     done = flag()  # the path has just ended
 
-    # the surface interaction
-    miss = flag()
-    front = flag()  # met from the side of the shape's own normal
-    point = vector()
-    normal = vector()  # shading normal, towards the viewer
-    geometric_normal = vector()  # towards the viewer
-    u = real()
-    v = real()
-    offset = real()  # how far from the surface new rays start
+    hit = record(Hit)  # as the surface stage leaves it; programs of materials change the shading normal and the tangent
     bsdf = reals(BSDF_PARAMETERS)  # of the material's model
-    emission = vector()  # towards the viewer; a miss has the environment's
-    light_pdf = real()  # with which the light sample would have found this emission; 0 where it never does
+    bsdf_model = integer()  # which model, where the scene holds several
 
-    # what stages load of the scene before they compute, so that loops over lanes are vector code on any machine
-    shape = integer()  # kind of the primitive hit
-    light_kind = integer()
-    corner0, corner1, corner2 = integer(), integer(), integer()  # indices of vertices of a triangle
-    material = integer()
-    vertex0, vertex1, vertex2 = vector(), vector(), vector()  # of a triangle
+    # what the surface stage loads of the scene before it computes, so that loops over lanes are vector code on any machine
+    face = record(Face)
     vertex_normal0, vertex_normal1, vertex_normal2 = vector(), vector(), vector()
+    shape_parameters = doubles(SHAPE_PARAMETERS)
+    material = integer()
     two_sided = real()  # 1 or 0
-    primitive_light = integer()  # index of the light that a primitive belongs to, -1 for none
+    emitter = integer()  # index of the light that the primitive belongs to, -1 for none
+    emitter_parameters = reals(LIGHT_PARAMETERS)
+    emitter_inverse_pmf = real()  # 1 / the probability with which it would be chosen, where that differs between lights
+
+    # what the light stage loads of the light that it samples
+    light_node = integer()  # in a walk through a hierarchy of lights; at its end the index of the light, -1 for none
+    light_kind = integer()
     light_parameters = reals(LIGHT_PARAMETERS)
     light_color = vector()
-    light_inverse_pmf = real()  # 1 / the probability with which this light would be chosen, where it differs between lights
-    shape_parameters = doubles(SHAPE_PARAMETERS)
+    light_two_sided = real()
+    light_face = record(Face)  # of a mesh
+    light_material = integer()
+    light_inverse_pmf = real()
+
     kept = doubles(8)  # what a stage keeps between its loops, as the next two
     kept_row, kept_column = integer(), integer()
 
@@ -149,9 +182,6 @@ class RayBatch(LaneRecord):
     frame_y = vector()
     frame_z = vector()
 
-    # where the scene holds several BSDF models: which one was hit, and the tangent that anisotropic ones need
-    bsdf_model = integer()
-    tangent = vector()  # derivative of the point by the shape's first coordinate
     scatter = record(Scattering)  # the BSDF at this vertex, where models have stages of their own
 
     # where the scene has masks: the share of the surface that is there, and whether the sample goes straight through

@@ -99,15 +99,15 @@ def tracer(real: Any) -> Any:
             for lane in range(np.uint64(LANES)):
                 i = start + np.int64(lane)
                 if i < last:
-                    hit = not rays.miss[lane]
+                    hit = not rays.hit.miss[lane]
                     shape[i], primitive[i] = _shape_of(np.int64(rays.primitive[lane]), first_id)
                     t[i] = np.float64(rays.t[lane]) / lengths[lane] if hit else math.inf
-                    n = rays.geometric_normal[lane]
+                    n = rays.hit.geometric_normal[lane]
                     normal[i, 0] = n.x if hit else 0.0
                     normal[i, 1] = n.y if hit else 0.0
                     normal[i, 2] = n.z if hit else 0.0
-                    u[i] = rays.u[lane] if hit else 0.0
-                    v[i] = rays.v[lane] if hit else 0.0
+                    u[i] = rays.hit.u[lane] if hit else 0.0
+                    v[i] = rays.hit.v[lane] if hit else 0.0
         return traced
 
     return kernel(trace)

@@ -171,10 +171,10 @@ def run_batch(accelerator, shapes, fields):
     words = numbers.view(np.int64)
     for name, values in fields.items():
         target = words if name == "origin_primitive" else numbers
-        target[RayBatch.number(name) : RayBatch.number(name) + len(values)] = values
+        target[(first := RayBatch.field(name).first) : first + len(values)] = values
     for stage in stages:
         ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_int64)(stage.address)(memory.ctypes.data, flat.address)
-    return words[RayBatch.number("primitive")].copy(), words[RayBatch.number("shadow.occluded")].copy()
+    return words[RayBatch.field("primitive").first].copy(), words[RayBatch.field("shadow.occluded").first].copy()
 
 
 @pytest.mark.parametrize("accelerator", ["none", *ACCELERATORS, "embree"])

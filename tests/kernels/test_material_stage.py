@@ -10,7 +10,6 @@ import pytest
 from engines.kernels.flatten import flatten
 from engines.kernels.flatten.palettes import BYTES, indexed
 from engines.kernels.flatten.shapes import PLANE
-from engines.kernels.integrators.interface import Uses
 from engines.kernels.layout import LANES, RayBatch, SceneTable
 from engines.kernels.stages import material as stage_module
 from engines.numpy_reference.interaction import SurfaceInteraction
@@ -46,12 +45,12 @@ class Lanes:
     def __init__(self):
         self.memory = np.zeros((RayBatch.size, LANES))
         self["alive"] = 1
-        self["front"] = 1
-        self["normal"] = self["geometric_normal"] = np.array([[0.0], [0.0], [1.0]])
+        self["hit.front"] = 1
+        self["hit.normal"] = self["hit.geometric_normal"] = np.array([[0.0], [0.0], [1.0]])
         self["direction"] = np.array([[0.6], [0.0], [-0.8]])
 
     def _rows(self, name):
-        field = RayBatch.fields[name]
+        field = RayBatch.field(name)
         rows = self.memory[field.first : field.first + field.n]
         return rows.view(np.int64) if field.kind in ("integer", "flag") else rows
 
@@ -68,7 +67,7 @@ def flattened(bsdf, *shapes):
 
 def run(flat, lanes):
     """The lanes after the stage."""
-    stage = stage_module.stage(flat.features, Uses(sample=True), np.float64)
+    stage = stage_module.stage(flat.features, np.float64)
     ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_int64)(stage.address)(lanes.memory.ctypes.data, flat.address)
     return lanes
 
@@ -76,9 +75,9 @@ def run(flat, lanes):
 def shaded(bsdf, u=0.0, v=0.0, **fields):
     """The lanes after the stage: each on the plane at (u, v), which has this BSDF."""
     lanes = Lanes()
-    lanes["shape"] = PLANE
+    lanes["hit.shape"] = PLANE
     lanes["shape_parameters"][:6] = np.array([[0.0], [0.0], [0.0], [0.0], [0.0], [1.0]])
-    lanes["point"] = np.stack(np.broadcast_arrays(u, v, np.zeros(LANES)))
+    lanes["hit.point"] = np.stack(np.broadcast_arrays(u, v, np.zeros(LANES)))
     for name, values in fields.items():
         lanes[name] = values
     return run(flattened(bsdf, UPWARDS), lanes)
@@ -214,8 +213,8 @@ def test_bump_maps_tilt_the_normal_by_the_slope_of_their_height():
         return 0.01 * LUMINANCE @ (above - below) / (2 * d)
 
     expected = unit(np.stack([-slope(d, 0), -slope(0, d), np.ones(LANES)]))
-    assert np.allclose(lanes["normal"], expected, atol=1e-6)
-    assert np.ptp(lanes["normal"][0]) > 0.01
+    assert np.allclose(lanes["hit.normal"], expected, atol=1e-6)
+    assert np.ptp(lanes["hit.normal"][0]) > 0.01
     assert np.array_equal(lanes["outer_normal"], lanes["untilted_normal"])
     assert np.array_equal(lanes["outer_normal"], np.tile([[0.0], [0.0], [1.0]], LANES))
 
@@ -251,7 +250,7 @@ def test_tilts_met_from_behind_turn_the_front_of_what_transmits_as_in_the_engine
         du, dv = np.tile([[1.0], [0.0], [0.0]], LANES), np.tile([[0.0], [1.0], [0.0]], LANES)
         at = SurfaceInteraction(0 * n, wo, n, n, du, front, none, none, np.zeros(LANES), np.stack([u, v]), dv)
         found, _ = Materials([Material("m", bsdf=wrapper)]).walk(at, np.full(LANES, 0.5))
-        assert np.allclose(lanes["normal"], found.normal, atol=1e-12)
+        assert np.allclose(lanes["hit.normal"], found.normal, atol=1e-12)
         assert np.allclose(lanes["untilted_normal"], found.wrapped.innermost, atol=1e-12)
 
 
@@ -264,7 +263,7 @@ def test_meshes_have_the_coordinates_of_their_vertices_and_brush_strokes_follow_
     image = ImageTexture(rng.random((4, 4, 3), np.float32))
     lanes, (b1, b2) = Lanes(), rng.random((2, LANES)) / 2
     lanes["primitive"] = second = np.arange(LANES) % 2
-    lanes["u"], lanes["v"] = b1, b2
+    lanes["hit.u"], lanes["hit.v"] = b1, b2
     for k in range(3):
         lanes[f"vertex{k}"] = np.where(second, corners[k][:, None], corners[k][:, None] + 5)
     flat = flattened(Conductor((1.0,) * 3, (1.0,) * 3, (0.5, 0.25), reflectance=image), plain, mapped)
@@ -273,7 +272,7 @@ def test_meshes_have_the_coordinates_of_their_vertices_and_brush_strokes_follow_
     assert np.allclose(lanes["bsdf"][6:9], texels_of(image, u, v), atol=1e-12)
     edges = corners[1:] - corners[0]
     dp_du = np.linalg.solve(uvs[1:] - uvs[0], edges)[0]  # rows: the edges are linear in (u, v)
-    assert np.allclose(lanes["tangent"], np.where(second, dp_du[:, None], edges[0][:, None]), atol=1e-12)
+    assert np.allclose(lanes["hit.tangent"], np.where(second, dp_du[:, None], edges[0][:, None]), atol=1e-12)
 
 
 def test_scenes_without_wrappers_and_textures_have_no_material_stage_and_no_memory_for_it():

@@ -33,13 +33,13 @@ class LaneRecord(Layout):
                 cls.size = field.place(cls.size)
 
     @classmethod
-    def number(cls, path: str) -> int:
-        """The first number of a lane of a field, such as "t" or "hit.point"."""
+    def field(cls, path: str) -> Field:
+        """A field, such as "t" or "hit.point"."""
         name, *parts = path.split(".")
-        field = cls.fields[name]
+        found = cls.fields[name]
         for part in parts:
-            field = field.parts[part]
-        return field.first
+            found = found.parts[part]
+        return found
 
     @classmethod
     def bytes(cls, scalar_type: Any) -> int:

@@ -81,10 +81,10 @@ def make_hits(features: SceneFeatures, real: Any) -> Any:
     @inline
     def hits(rays, scene):
         for lane in range(np.uint64(LANES)):
-            emitted = rays.emission[lane]
-            if rays.alive[lane] and not rays.miss[lane] and emitted.x > zero:
-                b1, b2, p = np.float64(rays.u[lane]), np.float64(rays.v[lane]), to_float64(rays.point[lane])
-                rays.emission[lane] = radiance(scene, np.int64(rays.primitive[lane]), p, b1, b2, emitted)
+            emitted = rays.hit.emission[lane]
+            if rays.alive[lane] and not rays.hit.miss[lane] and emitted.x > zero:
+                b1, b2, p = np.float64(rays.hit.u[lane]), np.float64(rays.hit.v[lane]), to_float64(rays.hit.point[lane])
+                rays.hit.emission[lane] = radiance(scene, np.int64(rays.primitive[lane]), p, b1, b2, emitted)
 
     return hits
 
@@ -98,14 +98,14 @@ def make_light_samples(features: SceneFeatures, real: Any) -> Any:
     def light_samples(rays, scene):
         for lane in range(np.uint64(LANES)):
             li, kind, primitive = rays.light_sample.radiance[lane], rays.light_kind[lane], np.int64(-1)
-            if rays.alive[lane] and not rays.miss[lane] and li.x > zero:
+            if rays.alive[lane] and not rays.hit.miss[lane] and li.x > zero:
                 if kind == MESH:
                     primitive = np.int64(rays.kept_row[lane])
                 elif kind in (SPHERE, DISK, CYLINDER):
                     primitive = np.int64(scene.light_primitives[rays.kept_column[lane]])
             if primitive >= 0:
                 sample = rays.light_sample[lane]
-                p = to_float64(rays.point[lane]) + to_float64(sample.wi) * np.float64(sample.distance)
+                p = to_float64(rays.hit.point[lane]) + to_float64(sample.wi) * np.float64(sample.distance)
                 root, u1 = math.sqrt(np.float64(rays.draw[POINT_U0, lane])), np.float64(rays.draw[POINT_U1, lane])
                 rays.light_sample.radiance[lane] = li * radiance(scene, primitive, p, root * (1.0 - u1), root * u1, white)
 

@@ -55,7 +55,7 @@ def _make_find_leaves(real: Any) -> Any:
     def find_leaves(rays, scene, box):
         root = np.int32(scene.guide_root)
         for lane in range(np.uint64(LANES)):
-            p = rays.point[lane]
+            p = rays.hit.point[lane]
             place = Vec3(
                 (p.x - box.corner.x) / box.size.x, (p.y - box.corner.y) / box.size.y, (p.z - box.corner.z) / box.size.z
             )
@@ -181,7 +181,7 @@ def scattering_lanes(rays, max_depth):
     """The word of the lanes whose path goes on from a surface."""
     lanes = np.int64(0)
     for lane in range(np.uint64(LANES)):
-        scatters = rays.alive[lane] & (not rays.miss[lane]) & (np.int64(rays.depth[lane]) < max_depth)
+        scatters = rays.alive[lane] & (not rays.hit.miss[lane]) & (np.int64(rays.depth[lane]) < max_depth)
         lanes |= np.int64(1 if scatters else 0) << np.int64(lane)
     return lanes
 
@@ -263,7 +263,7 @@ def _make_mix(masks: bool, lit: bool, real: Any) -> Any:
             rays.scatter.sample.pdf[lane] = select(specular, pdf, mixed)
             # the record
             weight, depth = sample.weight.color * scale, np.int32(rays.depth[lane])
-            side = dot(rays.geometric_normal[lane], sample.wi)
+            side = dot(rays.hit.geometric_normal[lane], sample.wi)
             leaves = select(sample.transmitted, -side, side) > zero
             kept = ((lanes >> np.int64(lane)) & 1 != 0) & sample.valid & leaves & (not specular)
             kept = kept & (mixed > zero) & (largest(weight) > zero) & (depth <= np.int32(MOST_RECORDS))

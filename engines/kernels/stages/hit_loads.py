@@ -32,25 +32,34 @@ from engines.kernels.stages.prefetching import NEAR_TRIANGLES, make_prefetch
 
 def lane_number(field: str) -> int:
     """The first number of a lane of a field of the ray batch."""
-    return RayBatch.number(field)
+    return RayBatch.field(field).first
 
 
-def _vector_loads(field: str) -> list[Any]:
-    """Three functions (rays, address of vectors) that copy those of the corners into `field` with 0, 1 or 2 at its end."""
-    firsts = [lane_number(f"{field}{k}") for k in range(3)]
-    return [row_loads(lane_number(f"corner{k}"), 3, (0, 1, 2), (first, first + 1, first + 2)) for k, first in enumerate(firsts)]
+def _of_corners(face: str, targets: tuple[str, str, str]) -> list[Any]:
+    """Three functions (rays, address of vectors) that copy those of a face's corners to these fields."""
+    firsts = [lane_number(target) for target in targets]
+    corners = [lane_number(f"{face}.corner{k}") for k in range(3)]
+    return [row_loads(corner, 3, (0, 1, 2), (k, k + 1, k + 2)) for corner, k in zip(corners, firsts, strict=True)]
 
 
-_vertex0, _vertex1, _vertex2 = _vector_loads("vertex")
-_normal0, _normal1, _normal2 = _vector_loads("vertex_normal")
+@cache
+def make_load_face(face: str) -> Any:
+    """The function (rays, scene) that copies corners and vertices of a face, whose triangle's index is its `corner0`."""
+    vertex0, vertex1, vertex2 = _of_corners(face, (f"{face}.vertex0", f"{face}.vertex1", f"{face}.vertex2"))
+    corner = f"{face}.corner0"
+    load_corners = make_load_rows(corner, TriangleRow, (0, 1, 2), tuple(lane_number(corner) + k for k in range(3)))
+
+    @inline
+    def load(rays, scene):
+        load_corners(rays, address_of(scene.triangles), EVERY_LANE)
+        vertex0(rays, address_of(scene.vertices), EVERY_LANE)
+        vertex1(rays, address_of(scene.vertices), EVERY_LANE)
+        vertex2(rays, address_of(scene.vertices), EVERY_LANE)
+
+    return load
 
 
-@inline
-def load_vertices(rays, scene):
-    """The corners of each lane's triangle."""
-    _vertex0(rays, address_of(scene.vertices), EVERY_LANE)
-    _vertex1(rays, address_of(scene.vertices), EVERY_LANE)
-    _vertex2(rays, address_of(scene.vertices), EVERY_LANE)
+_normal0, _normal1, _normal2 = _of_corners("face", ("vertex_normal0", "vertex_normal1", "vertex_normal2"))
 
 
 @inline
@@ -91,7 +100,7 @@ def _material_columns(features: SceneFeatures) -> tuple[tuple[int, ...], tuple[i
     pairs = [(first + column, own + column) for column in wanted]
     if features.emission:
         emission, two_sided = MaterialRow.fields["emission"].first, MaterialRow.fields["two_sided"].first
-        pairs += [(emission + k, lane_number("emission") + k) for k in range(3)] + [(two_sided, lane_number("two_sided"))]
+        pairs += [(emission + k, lane_number("hit.emission") + k) for k in range(3)] + [(two_sided, lane_number("two_sided"))]
     columns = sorted(pairs)
     return tuple(column for column, _ in columns), tuple(target for _, target in columns)
 
@@ -105,7 +114,7 @@ def _make_load_formula(row: type[Row], real: Any) -> Any:
 
 _of_triangles, _of_spheres, _of_planes = (lanes_where("==", kind) for kind in (TRIANGLE, SPHERE, PLANE))
 _of_analytic, _not_negative = lanes_where(">", PLANE), lanes_where(">=", 0)
-load_corners = make_load_rows("corner0", TriangleRow, (0, 1, 2), tuple(lane_number(f"corner{k}") for k in range(3)))
+_load_face = make_load_face("face")
 
 
 class Kinds(NamedTuple):
@@ -131,10 +140,10 @@ def _make_find_kinds(features: SceneFeatures) -> Any:
             return Kinds(hits, hits, none, none, none)
         return Kinds(
             hits,
-            hits & _of_triangles(rays.shape) if triangles else none,
-            hits & _of_spheres(rays.shape) if spheres else none,
-            hits & _of_planes(rays.shape) if planes else none,
-            hits & _of_analytic(rays.shape),
+            hits & _of_triangles(rays.hit.shape) if triangles else none,
+            hits & _of_spheres(rays.hit.shape) if spheres else none,
+            hits & _of_planes(rays.hit.shape) if planes else none,
+            hits & _of_analytic(rays.hit.shape),
         )
 
     return kinds
@@ -152,22 +161,21 @@ def _make_load_shapes(features: SceneFeatures, real: Any) -> Any:
     def load(rays, scene, kinds):
         if triangles and kinds.triangles != 0:
             for lane in range(np.uint64(LANES)):
-                rays.corner0[lane] = select(rays.shape[lane] == TRIANGLE, rays.kept_row[lane], np.int32(0))
-            load_corners(rays, address_of(scene.triangles), EVERY_LANE)
-            load_vertices(rays, scene)
+                rays.face.corner0[lane] = select(rays.hit.shape[lane] == TRIANGLE, rays.kept_row[lane], np.int32(0))
+            _load_face(rays, scene)
             if smooth:
                 _load_normals(rays, scene)
         if spheres and kinds.spheres != 0:
             for lane in range(np.uint64(LANES)):
-                rays.kept_column[lane] = select(rays.shape[lane] == SPHERE, rays.kept_row[lane], np.int32(0))
+                rays.kept_column[lane] = select(rays.hit.shape[lane] == SPHERE, rays.kept_row[lane], np.int32(0))
             load_sphere(rays, address_of(scene.spheres), kinds.spheres)
         if planes and kinds.planes != 0:
             for lane in range(np.uint64(LANES)):
-                rays.kept_column[lane] = select(rays.shape[lane] == PLANE, rays.kept_row[lane], np.int32(0))
+                rays.kept_column[lane] = select(rays.hit.shape[lane] == PLANE, rays.kept_row[lane], np.int32(0))
             load_plane(rays, address_of(scene.planes), kinds.planes)
         if analytic and kinds.analytic != 0:
             for lane in range(np.uint64(LANES)):
-                rays.kept_column[lane] = select(rays.shape[lane] > PLANE, rays.kept_row[lane], np.int32(0))
+                rays.kept_column[lane] = select(rays.hit.shape[lane] > PLANE, rays.kept_row[lane], np.int32(0))
             load_analytic(rays, address_of(scene.analytic), kinds.analytic)
 
     return load
@@ -185,7 +193,7 @@ def _make_inverse_pmf(features: SceneFeatures, real: Any) -> Any:
             return scene.light_inverse_pmf[light if light >= 0 else np.int32(0)]
         if rays.primitive[lane] < 0 or light < 0 or not rays.pdf[lane] < real(np.inf):
             return 1.0
-        point, normal = rays.point[lane], rays.geometric_normal[lane]
+        point, normal = rays.hit.point[lane], rays.hit.geometric_normal[lane]
         if transparent:  # null lobes may lie between
             point, normal = rays.vertex_point[lane], rays.vertex_normal[lane]
         if cells:
@@ -210,9 +218,9 @@ def _make_load_primitives(features: SceneFeatures) -> Any:
     """The function (rays, scene) that copies kind, index, material and light of each lane's primitive, whose id is kept. Where
     there are triangles alone, their indices are their ids: one cache miss less."""
     several = features.spheres or features.planes or len(features.analytic) > 0
-    wanted = [("shape", "shape"), ("index", "kept_row")] if several else []
+    wanted = [("shape", "hit.shape"), ("index", "kept_row")] if several else []
     if features.bsdfs or features.emission:
-        wanted += [("material", "material"), ("light", "primitive_light")]
+        wanted += [("material", "material"), ("light", "emitter")]
     columns = tuple(PrimitiveRow.fields[column].first for column, _ in wanted)
     load_rows = make_load_rows("kept_row", PrimitiveRow, columns, tuple(lane_number(name) for _, name in wanted))
 
@@ -229,7 +237,7 @@ def _keep_ids(rays):
     for lane in range(np.uint64(LANES)):
         primitive = rays.primitive[lane]
         rays.kept_row[lane] = select(primitive < 0, np.int32(0), primitive)
-        rays.shape[lane] = TRIANGLE
+        rays.hit.shape[lane] = TRIANGLE
     return _not_negative(rays.primitive)
 
 
@@ -238,20 +246,20 @@ def _make_load_lights(features: SceneFeatures, real: Any) -> Any:
     """The function (rays, scene, hits) that copies what the scene holds of the lights that the lanes in the word have hit."""
     parameters = max((lights.MODELS[kind].parameters for kind in area_lights(features)), default=0)
     weighted, inverse_pmf = chooses_by_weight(features), _make_inverse_pmf(features, real)
-    first, own = LightRow.fields["parameters"].first, lane_number("light_parameters")
+    first, own = LightRow.fields["parameters"].first, lane_number("emitter_parameters")
     columns = tuple(range(first, first + parameters))
     load_rows = make_load_rows("kept_row", LightRow, columns, tuple(range(own, own + parameters)))
 
     @inline
     def load(rays, scene, hits):
-        if parameters == 0 or hits & _not_negative(rays.primitive_light) == 0:
+        if parameters == 0 or hits & _not_negative(rays.emitter) == 0:
             return
         if weighted:
             for lane in range(np.uint64(LANES)):
                 keep_scalar()
-                rays.light_inverse_pmf[lane] = inverse_pmf(rays, lane, scene, rays.primitive_light[lane])
+                rays.emitter_inverse_pmf[lane] = inverse_pmf(rays, lane, scene, rays.emitter[lane])
         for lane in range(np.uint64(LANES)):
-            light = rays.primitive_light[lane]
+            light = rays.emitter[lane]
             rays.kept_row[lane] = select(light < 0, np.int32(0), light)
         load_rows(rays, address_of(scene.lights), EVERY_LANE)
 

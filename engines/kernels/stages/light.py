@@ -19,7 +19,7 @@ from engines.kernels.lane.lights.sample import Light, LightSample
 from engines.kernels.lane.vector import Vec3, to_real
 from engines.kernels.layout import LANES, LIGHT, POINT_U0, POINT_U1, LightRow, MaterialRow, PrimitiveRow, ray_batch, scene_table
 from engines.kernels.stages import emission, environment, light_cells, light_hierarchy, resampling
-from engines.kernels.stages.hit_loads import lane_number, load_corners, load_vertices, make_load_rows
+from engines.kernels.stages.hit_loads import lane_number, make_load_face, make_load_rows
 
 COLOR = LightRow.fields["color"].first
 """In a row of a light, as at the beginning of one of a material: a colour and whether both sides emit."""
@@ -55,7 +55,7 @@ def _make_choose(selection: Selection) -> Any:
             chosen, rest = _by_power(scene, n, rest)
             rays.light_inverse_pmf[lane] = scene.light_inverse_pmf[chosen]
         elif hierarchy or cells:
-            chosen = np.int64(rays.light_kind[lane])
+            chosen = np.int64(rays.light_node[lane])
         elif many:
             scaled = rest * n
             chosen = max(min(np.int64(scaled), n - 1), 0)  # a draw that is NaN must not leave the list
@@ -113,15 +113,15 @@ def _make_load_lights(kinds: tuple[int, ...]) -> Any:
     return make_load_rows("kept_row", LightRow, tuple(columns), tuple(targets))
 
 
-_COLOR_AND_SIDES = (*(lane_number("light_color") + k for k in range(3)), lane_number("two_sided"))
-_on_meshes = lanes_where("==", MESH)
+_COLOR_AND_SIDES = (*(lane_number("light_color") + k for k in range(3)), lane_number("light_two_sided"))
+_on_meshes, _load_face = lanes_where("==", MESH), make_load_face("light_face")
 _load_primitives = make_load_rows(
     "kept_row",
     PrimitiveRow,
     (PrimitiveRow.fields["index"].first, PrimitiveRow.fields["material"].first),
-    (lane_number("corner0"), lane_number("material")),
+    (lane_number("light_face.corner0"), lane_number("light_material")),
 )
-_load_emission = make_load_rows("material", MaterialRow, (0, 1, 2, 3), _COLOR_AND_SIDES)
+_load_emission = make_load_rows("light_material", MaterialRow, (0, 1, 2, 3), _COLOR_AND_SIDES)
 
 
 @inline
@@ -135,8 +135,7 @@ def _load_faces(rays, scene, lanes):
         chosen = environment.first_above_in(scene.light_cdf, first, np.int64(faces.count), scene.light_steps, rest)
         rays.kept_row[lane] = scene.light_faces[first + chosen]
     _load_primitives(rays, address_of(scene.primitives), EVERY_LANE)
-    load_corners(rays, address_of(scene.triangles), EVERY_LANE)
-    load_vertices(rays, scene)
+    _load_face(rays, scene)
     _load_emission(rays, address_of(scene.materials), lanes)
 
 
@@ -162,14 +161,14 @@ def _make_sample_one(kinds: tuple[int, ...], selection: Selection, turned: bool,
             light = Light(
                 lane_numbers(rays.light_parameters, lane),
                 rays.light_color[lane],
-                rays.two_sided[lane],
-                rays.vertex0[lane],
-                rays.vertex1[lane],
-                rays.vertex2[lane],
+                rays.light_two_sided[lane],
+                rays.light_face.vertex0[lane],
+                rays.light_face.vertex1[lane],
+                rays.light_face.vertex2[lane],
             )
             sample = LightSample(Vec3(zero, zero, one), infinite, Vec3(zero, zero, zero), infinite)
             u0, u1 = rays.draw[POINT_U0, lane], rays.draw[POINT_U1, lane]
-            sample = sample_light(rays.light_kind[lane], sample, light, rays.point[lane], rays.normal[lane], u0, u1)
+            sample = sample_light(rays.light_kind[lane], sample, light, rays.hit.point[lane], rays.hit.normal[lane], u0, u1)
             rays.light_sample[lane] = LightSample(
                 sample.wi, sample.distance, sample.radiance * (one / share), sample.pdf * share
             )
@@ -219,7 +218,7 @@ def _lanes_on_environment(rays):
     """A word with a bit for each lane that has chosen the environment and is on a surface."""
     lanes = np.int64(0)
     for lane in range(np.uint64(LANES)):
-        chosen = (rays.light_kind[lane] == IMAGE_ENVIRONMENT) & rays.alive[lane] & (not rays.miss[lane])
+        chosen = (rays.light_kind[lane] == IMAGE_ENVIRONMENT) & rays.alive[lane] & (not rays.hit.miss[lane])
         lanes |= np.int64(1 if chosen else 0) << np.int64(lane)
     return lanes
 

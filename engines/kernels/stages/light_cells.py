@@ -38,9 +38,9 @@ def _part(scene, p, normal):
 
 @inline
 def choose(rays, scene):
-    """Chooses each lane's light: its index as `light_kind`, 1 / the probability, and what is left of the draw."""
+    """Chooses each lane's light: its index as `light_node`, 1 / the probability, and what is left of the draw."""
     for lane in range(np.uint64(LANES)):
-        rays.kept_row[lane] = _part(scene, rays.point[lane], rays.geometric_normal[lane])
+        rays.kept_row[lane] = _part(scene, rays.hit.point[lane], rays.hit.geometric_normal[lane])
     bins, count = scene.light_bins, scene.n_light_bins
     for lane in range(np.uint64(LANES)):
         scaled = np.float64(rays.draw[LIGHT, lane]) * count
@@ -48,7 +48,7 @@ def choose(rays, scene):
         first = NUMBERS * (np.int64(scene.light_rows[rays.kept_row[lane]]) * count + bin)
         place, end = scaled - bin, bins[first] * (count / STEPS)
         own = place < end
-        rays.light_kind[lane] = select(own, bin, np.int64(bins[first + 1]))
+        rays.light_node[lane] = select(own, bin, np.int64(bins[first + 1]))
         rays.light_inverse_pmf[lane] = STEPS / select(own, bins[first + 2], bins[first + 3])
         rays.draw[LIGHT, lane] = select(own, place, place - end) / select(own, end, 1.0 - end)
 

@@ -107,41 +107,41 @@ def _start(rays, scene, lane):
     no light has -1."""
     light, parts, goes = np.int64(-1), scene.light_parts, False
     rays.light_inverse_pmf[lane] = np.inf
-    if rays.alive[lane] and not rays.miss[lane] and rays.depth[lane] < scene.options[0]:  # max_depth
+    if rays.alive[lane] and not rays.hit.miss[lane] and rays.depth[lane] < scene.options[0]:  # max_depth
         scaled = np.float64(rays.draw[LIGHT, lane]) * parts
         part = max(min(np.int64(scaled), parts - 1), 0)
         goes = part >= scene.n_unbounded_lights
         light = np.int64(0) if goes else np.int64(scene.unbounded_lights[part])
         rays.draw[LIGHT, lane] = scaled - part
         rays.light_inverse_pmf[lane] = parts
-    rays.light_kind[lane] = light
+    rays.light_node[lane] = light
     return goes
 
 
 @inline
 def _descend(rays, scene, lane, real, below_one):
     """Goes from the lane's node to a child, or to a light; returns whether it goes on."""
-    node, u = np.int64(rays.light_kind[lane]), np.float64(rays.draw[LIGHT, lane])
-    shares = _shares(scene, node, rays.point[lane], rays.geometric_normal[lane], real)
+    node, u = np.int64(rays.light_node[lane]), np.float64(rays.draw[LIGHT, lane])
+    shares = _shares(scene, node, rays.hit.point[lane], rays.hit.geometric_normal[lane], real)
     sums = _sums(shares)
     target = u * sums.total
     slot, start = _slot(sums, target)
     share = np.float64(number(shares, slot))
     if not share > 0.0:  # no child may send light
-        rays.light_kind[lane] = -1
+        rays.light_node[lane] = -1
         rays.light_inverse_pmf[lane] = np.inf
         return False
     rest = (target - start) / share
     rays.draw[LIGHT, lane] = select(rest < below_one, rest, below_one)
     rays.light_inverse_pmf[lane] = np.float64(rays.light_inverse_pmf[lane]) * (sums.total / share)
     child = np.int64(scene.light_children[node * WIDTH + slot])
-    rays.light_kind[lane] = child if child >= 0 else -1 - child
+    rays.light_node[lane] = child if child >= 0 else -1 - child
     return child >= 0
 
 
 @cache
 def make_choose(real: Any) -> Any:
-    """The function (rays, scene) that chooses each lane's light: its index, or -1 for none, as `light_kind`, 1 / the
+    """The function (rays, scene) that chooses each lane's light: its index, or -1 for none, as `light_node`, 1 / the
     probability, and what is left of the draw. Lanes take turns, so that the processor works on one while another waits
     for a root."""
     below_one = 1.0 - float(np.finfo(real).epsneg)

@@ -48,8 +48,8 @@ def _make_coordinates(features: SceneFeatures) -> Any:
 
     @inline
     def on_triangle(rays, lane, scene):
-        b1, b2 = np.float64(rays.u[lane]), np.float64(rays.v[lane])
-        a, b, c = to_float64(rays.vertex0[lane]), to_float64(rays.vertex1[lane]), to_float64(rays.vertex2[lane])
+        b1, b2 = np.float64(rays.hit.u[lane]), np.float64(rays.hit.v[lane])
+        a, b, c = to_float64(rays.face.vertex0[lane]), to_float64(rays.face.vertex1[lane]), to_float64(rays.face.vertex2[lane])
         if uvs:
             face = scene.triangles[scene.primitives[rays.primitive[lane]].index]
             first = scene.vertex_uvs[face.a]
@@ -60,7 +60,7 @@ def _make_coordinates(features: SceneFeatures) -> Any:
 
     @inline
     def coordinates(rays, lane, scene):
-        kind, p = rays.shape[lane], to_float64(rays.point[lane])
+        kind, p = rays.hit.shape[lane], to_float64(rays.hit.point[lane])
         if spheres or planes:
             x, y, z, a, b, c, _ = lane_numbers(rays.shape_parameters, lane)
             if spheres and kind == SPHERE:
@@ -232,7 +232,7 @@ def _lanes_with_program(rays, scene):
     """A word with a bit for each lane whose hit has a program, of which the first node is kept."""
     lanes = np.int64(0)
     for lane in range(np.uint64(LANES)):
-        if rays.alive[lane] and not rays.miss[lane]:
+        if rays.alive[lane] and not rays.hit.miss[lane]:
             first = scene.programs[scene.primitives[rays.primitive[lane]].material]
             rays.kept_row[lane] = first
             lanes |= np.int64(1 if first >= 0 else 0) << np.int64(lane)
@@ -249,10 +249,10 @@ def _make(features: SceneFeatures, real: Any) -> Any:
     @inline
     def shade(rays, lane, scene, first):
         at = coordinates_at(rays, lane)  # of what nobody reads, where nothing is located
-        ng, wo = to_float64(rays.geometric_normal[lane]), -to_float64(rays.direction[lane])
-        frame = tilt.Tilted(to_float64(rays.normal[lane]), at.dp_du, at.dp_dv, True)
+        ng, wo = to_float64(rays.hit.geometric_normal[lane]), -to_float64(rays.direction[lane])
+        frame = tilt.Tilted(to_float64(rays.hit.normal[lane]), at.dp_du, at.dp_dv, True)
         u = np.float64(rays.draw[LOBE, lane])
-        state = walk(scene, first, u, at, rays.front[lane], ng, wo, frame)
+        state = walk(scene, first, u, at, rays.hit.front[lane], ng, wo, frame)
         leaf = scene.nodes[state.node]
         constants = scene.leaves[np.int64(leaf.second)].bsdf
         for k in range(BSDF_PARAMETERS):
@@ -267,14 +267,14 @@ def _make(features: SceneFeatures, real: Any) -> Any:
             rays.opacity[lane] = state.opacity
             rays.passing[lane] = state.passing
         if tilts and state.tilts > 0:
-            rays.normal[lane] = state.frame.normal
+            rays.hit.normal[lane] = state.frame.normal
             rays.untilted_normal[lane] = state.before
             rays.outer_normal[lane] = frame.normal
         if tangents:
             node = scene.nodes[first]
             plain = np.int64(node.kind) == LEAF and node.value == 0.0  # here for the coordinates of a mesh alone
-            if not (plain and rays.shape[lane] == PLANE):
-                rays.tangent[lane] = state.frame.dp_du
+            if not (plain and rays.hit.shape[lane] == PLANE):
+                rays.hit.tangent[lane] = state.frame.dp_du
 
     def material(batch, scene_address):
         rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
@@ -284,8 +284,8 @@ def _make(features: SceneFeatures, real: Any) -> Any:
                     rays.opacity[lane] = real(1)
                     rays.passing[lane] = False
                 if tilts:
-                    rays.untilted_normal[lane] = rays.normal[lane]
-                    rays.outer_normal[lane] = rays.normal[lane]
+                    rays.untilted_normal[lane] = rays.hit.normal[lane]
+                    rays.outer_normal[lane] = rays.hit.normal[lane]
         lanes = _lanes_with_program(rays, scene)
         if located:
             locate(rays, scene, lanes)

@@ -56,9 +56,9 @@ def store_targets(rays, scene, candidate, real):
     for lane in range(np.uint64(LANES)):
         wi, li, pdf = rays.light_sample.wi[lane], rays.light_sample.radiance[lane], rays.light_sample.pdf[lane]
         luminance = 0.212671 * li.x + 0.715160 * li.y + 0.072169 * li.z
-        reaches = (pdf > zero) & (through | (dot(rays.geometric_normal[lane], wi) > zero))
+        reaches = (pdf > zero) & (through | (dot(rays.hit.geometric_normal[lane], wi) > zero))
         reaches = reaches & ((not delta_only) | (pdf > HUGE))
-        rays.targets[candidate, lane] = select(reaches, luminance * abs(dot(rays.normal[lane], wi)), zero)
+        rays.targets[candidate, lane] = select(reaches, luminance * abs(dot(rays.hit.normal[lane], wi)), zero)
 
 
 @inline

@@ -38,18 +38,19 @@ from engines.kernels.layout import DIRECTION_U0, DIRECTION_U1, LANES, LOBE, ROUL
 
 @inline
 def load_interaction(rays, scene, lane):
+    hit = rays.hit[lane]
     return SurfaceInteraction(
-        rays.miss[lane],
+        hit.miss,
         rays.t[lane],
-        rays.point[lane],
-        rays.normal[lane],
-        rays.geometric_normal[lane],
+        hit.point,
+        hit.normal,
+        hit.geometric_normal,
         rays.direction[lane],
         rays.origin[lane],
-        rays.front[lane],
-        rays.tangent[lane],
-        rays.emission[lane],
-        rays.light_pdf[lane],
+        hit.front,
+        hit.tangent,
+        hit.emission,
+        hit.light_pdf,
         scene.bsdf_tables,
     )
 
@@ -71,7 +72,7 @@ def _scaled(sample, factor):
 @inline
 def _tilt_at(rays, lane, wi):
     """(whether the lane's normals agree on the side of `wi`, the factor of what is scattered there)."""
-    untilted, normal = rays.untilted_normal[lane], rays.normal[lane]
+    untilted, normal = rays.untilted_normal[lane], rays.hit.normal[lane]
     return is_consistent(untilted, normal, wi), terminator(rays.outer_normal[lane], normal, wi)
 
 

@@ -180,7 +180,7 @@ def make_left(curved: tuple[int, ...]) -> Any:
 
     @inline
     def left(rays, lane):
-        return select(rays.shape[lane] == kind, np.int64(-1), np.int64(flat(rays, lane)))
+        return select(rays.hit.shape[lane] == kind, np.int64(-1), np.int64(flat(rays, lane)))
 
     return left
 
@@ -256,7 +256,7 @@ def _store(rays, lane, before, result, crosses, null, n_lights, shading, left, s
         rays.light[lane] = select(stays, light + 1, 0)
     added = select(working & (light == 0), result.radiance, Vec3(real(0), real(0), real(0)))
     rays.radiance[lane] = rays.radiance[lane] + added
-    offset = rays.offset[lane]
+    offset = rays.hit.offset[lane]
     if shading.lit:
         _store_shadow_ray(rays, lane, si, before.light, result.direct, offset, share, working, shading)
     ends, alive = working & (not stays), result.alive

@@ -42,13 +42,13 @@ def margins(tracing: Any) -> NDArray[np.float64]:
 @inline
 def _load_found(rays, lane, smooth, tangents, none):
     """What `_keep_found` has kept."""
-    normal, shading, tangent = rays.geometric_normal[lane], rays.geometric_normal[lane], none
+    normal, shading, tangent = rays.hit.geometric_normal[lane], rays.hit.geometric_normal[lane], none
     if smooth:
-        shading = rays.normal[lane]
+        shading = rays.hit.normal[lane]
     if tangents:
-        tangent = rays.tangent[lane]
+        tangent = rays.hit.tangent[lane]
     return ShapeIntersection(
-        rays.t[lane], rays.offset[lane], rays.u[lane], rays.v[lane], rays.point[lane], normal, shading, tangent
+        rays.t[lane], rays.hit.offset[lane], rays.hit.u[lane], rays.hit.v[lane], rays.hit.point[lane], normal, shading, tangent
     )
 
 
@@ -57,15 +57,15 @@ def _keep_found(rays, lane, own, found, smooth, tangents, none):
     """Keeps an intersection in the fields of what it becomes, where `own` holds."""
     found = select(own, found, _load_found(rays, lane, smooth, tangents, none))
     rays.t[lane] = found.t
-    rays.offset[lane] = found.scale
-    rays.u[lane] = found.u
-    rays.v[lane] = found.v
-    rays.point[lane] = found.point
-    rays.geometric_normal[lane] = found.normal
+    rays.hit.offset[lane] = found.scale
+    rays.hit.u[lane] = found.u
+    rays.hit.v[lane] = found.v
+    rays.hit.point[lane] = found.point
+    rays.hit.geometric_normal[lane] = found.normal
     if smooth:
-        rays.normal[lane] = found.shading_normal
+        rays.hit.normal[lane] = found.shading_normal
     if tangents:
-        rays.tangent[lane] = found.tangent
+        rays.hit.tangent[lane] = found.tangent
 
 
 @inline
@@ -73,9 +73,9 @@ def _on_triangle(rays, lane, o, d, smooth):
     return triangle.intersection(
         o,
         d,
-        rays.vertex0[lane],
-        rays.vertex1[lane],
-        rays.vertex2[lane],
+        rays.face.vertex0[lane],
+        rays.face.vertex1[lane],
+        rays.face.vertex2[lane],
         rays.vertex_normal0[lane],
         rays.vertex_normal1[lane],
         rays.vertex_normal2[lane],
@@ -97,20 +97,20 @@ def _make_meet(features: SceneFeatures, real: Any) -> Any:
         if triangles and kinds.triangles != 0:
             for lane in range(np.uint64(LANES)):
                 found = _on_triangle(rays, lane, rays.origin[lane], rays.direction[lane], smooth)
-                _keep_found(rays, lane, rays.shape[lane] == TRIANGLE, found, smooth, tangents, none)
+                _keep_found(rays, lane, rays.hit.shape[lane] == TRIANGLE, found, smooth, tangents, none)
         if spheres and kinds.spheres != 0:
             for lane in range(np.uint64(LANES)):
                 x, y, z, radius, _, _, _ = lane_numbers(rays.shape_parameters, lane)
                 found = sphere.intersection(rays.origin[lane], rays.direction[lane], Vec3(x, y, z), radius, real)
-                _keep_found(rays, lane, rays.shape[lane] == SPHERE, found, smooth, tangents, none)
+                _keep_found(rays, lane, rays.hit.shape[lane] == SPHERE, found, smooth, tangents, none)
         if planes and kinds.planes != 0:
             for lane in range(np.uint64(LANES)):
                 x, y, z, a, b, c, _ = lane_numbers(rays.shape_parameters, lane)
                 found = plane.intersection(rays.origin[lane], rays.direction[lane], Vec3(x, y, z), Vec3(a, b, c), real)
-                _keep_found(rays, lane, rays.shape[lane] == PLANE, found, smooth, tangents, none)
+                _keep_found(rays, lane, rays.hit.shape[lane] == PLANE, found, smooth, tangents, none)
         if has_analytic and kinds.analytic != 0:
             for lane in range(np.uint64(LANES)):
-                kind, parameters = rays.shape[lane], lane_numbers(rays.shape_parameters, lane)
+                kind, parameters = rays.hit.shape[lane], lane_numbers(rays.shape_parameters, lane)
                 found = _load_found(rays, lane, smooth, tangents, none)
                 found = analytic(kind, found, rays.origin[lane], rays.direction[lane], parameters, real)
                 _keep_found(rays, lane, True, found, smooth, tangents, none)
@@ -129,17 +129,17 @@ def _store_interaction(rays, lane, found, o, d, miss, offset_scale, tangents):
     scale = select(start > scale, start, scale)
     scale = select(found.t > scale, found.t, scale)
     scale = select(found.scale > scale, found.scale, scale)
-    rays.miss[lane] = miss
-    rays.front[lane] = front
+    rays.hit.miss[lane] = miss
+    rays.hit.front[lane] = front
     rays.t[lane] = select(miss, math.inf, found.t)
-    rays.u[lane] = found.u
-    rays.v[lane] = found.v
-    rays.offset[lane] = scale * offset_scale
-    rays.point[lane] = found.point
-    rays.geometric_normal[lane] = geometric
-    rays.normal[lane] = normal
+    rays.hit.u[lane] = found.u
+    rays.hit.v[lane] = found.v
+    rays.hit.offset[lane] = scale * offset_scale
+    rays.hit.point[lane] = found.point
+    rays.hit.geometric_normal[lane] = geometric
+    rays.hit.normal[lane] = normal
     if tangents:
-        rays.tangent[lane] = found.tangent
+        rays.hit.tangent[lane] = found.tangent
     return front
 
 
@@ -158,12 +158,12 @@ def _make_emission(features: SceneFeatures) -> Any:
         lit, light_pdf = (not miss) & (front | (rays.two_sided[lane] > zero)), zero
         if hides:
             lit = lit & (not _is_absent(rays, lane, miss, zero))
-        emitted = select(lit, rays.emission[lane], Vec3(zero, zero, zero))
+        emitted = select(lit, rays.hit.emission[lane], Vec3(zero, zero, zero))
         if listed_shapes:
-            facing, listed = abs(dot(d, found.normal)), lit & (rays.primitive_light[lane] >= 0)
-            parameters, shape = lane_numbers(rays.light_parameters, lane), rays.shape[lane]
+            facing, listed = abs(dot(d, found.normal)), lit & (rays.emitter[lane] >= 0)
+            parameters, shape = lane_numbers(rays.emitter_parameters, lane), rays.hit.shape[lane]
             if weighted:
-                inverse_pmf = rays.light_inverse_pmf[lane]
+                inverse_pmf = rays.emitter_inverse_pmf[lane]
             o, way = _from_last_vertex(rays, lane, o, d, found.t, transparent)
             light_pdf = select(listed, light_pdf_of(shape, zero, parameters, o, way, facing, inverse_pmf), zero)
         return emitted, light_pdf
@@ -213,8 +213,8 @@ def _make(features: SceneFeatures, real: Any) -> Any:
             if constant_environment:
                 emitted = select(miss, environment_radiance, emitted)
                 light_pdf = select(miss, rays.cosine_pdf[lane] / environment_inverse_pmf, light_pdf)
-            rays.emission[lane] = emitted
-            rays.light_pdf[lane] = light_pdf
+            rays.hit.emission[lane] = emitted
+            rays.hit.light_pdf[lane] = light_pdf
         if textured:
             color_hits(rays, scene)
         if image_environment:
@@ -228,7 +228,7 @@ def _make(features: SceneFeatures, real: Any) -> Any:
 @inline
 def _is_absent(rays, lane, miss, zero):
     """Whether the surface is an emitter that hides from the camera; keeps it, too."""
-    absent = (not miss) & (rays.depth[lane] == 1) & (largest(rays.emission[lane]) > zero)
+    absent = (not miss) & (rays.depth[lane] == 1) & (largest(rays.hit.emission[lane]) > zero)
     rays.absent[lane] = absent
     return absent
 
@@ -245,8 +245,8 @@ def _from_last_vertex(rays, lane, o, d, t, transparent):
 def _hide_environment(rays, none):
     """Where null lobes alone lie between it and the camera."""
     for lane in range(np.uint64(LANES)):
-        unseen = rays.miss[lane] & ((rays.dimension[lane] == CAMERA_DIMENSIONS) | (not rays.scattered[lane]))
-        rays.emission[lane] = select(unseen, none, rays.emission[lane])
+        unseen = rays.hit.miss[lane] & ((rays.dimension[lane] == CAMERA_DIMENSIONS) | (not rays.scattered[lane]))
+        rays.hit.emission[lane] = select(unseen, none, rays.hit.emission[lane])
 
 
 @inline
@@ -254,7 +254,7 @@ def _image_environment(rays, scene, inverse_pmf, turned, real):
     """Radiance of the rays that miss, from the environment's image: prefetched, then read by scalar code."""
     lanes = np.int64(0)
     for lane in range(np.uint64(LANES)):
-        lanes |= np.int64(1 if rays.miss[lane] & rays.alive[lane] else 0) << np.int64(lane)
+        lanes |= np.int64(1 if rays.hit.miss[lane] & rays.alive[lane] else 0) << np.int64(lane)
     if lanes == 0:
         return
     width, height, axes = scene.environment_width, scene.environment_height, scene.environment_map[0]
@@ -273,9 +273,9 @@ def _image_environment(rays, scene, inverse_pmf, turned, real):
         lane = np.uint64(lowest_bit(lanes))
         lanes &= lanes - 1
         u, v = rays.kept[0, lane], rays.kept[1, lane]
-        rays.emission[lane] = environment.radiance(scene.environment, environment.texels_at(width, height, axes, u, v))
+        rays.hit.emission[lane] = environment.radiance(scene.environment, environment.texels_at(width, height, axes, u, v))
         density = scene.environment_pdf[environment.texel_of(width, height, u, v)]
-        rays.light_pdf[lane] = real(environment.pdf_solid_angle(density, rays.kept[2, lane])) / inverse_pmf
+        rays.hit.light_pdf[lane] = real(environment.pdf_solid_angle(density, rays.kept[2, lane])) / inverse_pmf
 
 
 def stage(features: SceneFeatures, real: Any) -> Any:

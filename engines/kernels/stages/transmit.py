@@ -52,7 +52,7 @@ def _make_of_leaf(features: SceneFeatures, real: Any) -> Any:
         found = to_float64(of_model(np.int64(leaf.first), opaque, parameters, direction, normal))
         if tilts:
             d = to_float64(direction)
-            factor = tilt.terminator(to_float64(rays.normal[lane]), frame.normal, d)
+            factor = tilt.terminator(to_float64(rays.hit.normal[lane]), frame.normal, d)
             found = found * (factor if tilt.is_consistent(before, frame.normal, d) else 0.0)
         return found
 
@@ -68,8 +68,8 @@ def _make_of_node(features: SceneFeatures, blends: int, real: Any) -> Any:
 
     @inline
     def of_node(rays, lane, scene, first, share, at, frame, before):
-        passed, front = Vec3(0.0, 0.0, 0.0), rays.front[lane]
-        ng, wo = to_float64(rays.geometric_normal[lane]), -to_float64(rays.direction[lane])
+        passed, front = Vec3(0.0, 0.0, 0.0), rays.hit.front[lane]
+        ng, wo = to_float64(rays.hit.geometric_normal[lane]), -to_float64(rays.direction[lane])
         node = scene.nodes[first]
         kind = np.int64(node.kind)
         while kind != LEAF:
@@ -106,12 +106,12 @@ def _make_transmittance(features: SceneFeatures, real: Any) -> Any:
         if programs:
             first = np.int64(scene.programs[scene.primitives[rays.primitive[lane]].material])
             if first >= 0:
-                at, normal = coordinates_at(rays, lane), to_float64(rays.normal[lane])
+                at, normal = coordinates_at(rays, lane), to_float64(rays.hit.normal[lane])
                 frame = tilt.Tilted(normal, at.dp_du, at.dp_dv, True)
                 return to_real(of_node(rays, lane, scene, first, 1.0, at, frame, normal), real)
         model = np.int64(rays.bsdf_model[lane]) if several else np.int64(only)
         opaque, parameters = Vec3(none, none, none), lane_numbers(rays.bsdf, lane)
-        return of_model(model, opaque, parameters, rays.direction[lane], rays.normal[lane])
+        return of_model(model, opaque, parameters, rays.direction[lane], rays.hit.normal[lane])
 
     return transmittance
 
@@ -121,9 +121,9 @@ def _store_next_rays(rays, share, left, real):
     """The rays that go on, from the far side of what they have met to the same place; `t` is -1 of the others."""
     zero, infinite = real(0), real(math.inf)
     for lane in range(np.uint64(LANES)):
-        goes = (not rays.miss[lane]) & (largest(rays.throughput[lane]) > zero)
-        offset, endless = rays.offset[lane], rays.light_sample.distance[lane] == infinite
-        origin = rays.point[lane] - rays.geometric_normal[lane] * offset
+        goes = (not rays.hit.miss[lane]) & (largest(rays.throughput[lane]) > zero)
+        offset, endless = rays.hit.offset[lane], rays.light_sample.distance[lane] == infinite
+        origin = rays.hit.point[lane] - rays.hit.geometric_normal[lane] * offset
         aim = rays.shadow.destination[lane] - origin
         way = length(aim)
         rays.origin[lane] = origin
@@ -139,7 +139,7 @@ def _make(features: SceneFeatures, real: Any) -> Any:
 
     def transmit(batch, scene_address):
         rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
-        hits = EVERY_LANE & ~flagged_lanes(rays.miss)
+        hits = EVERY_LANE & ~flagged_lanes(rays.hit.miss)
         if programs and textures:
             locate(rays, scene, hits)
         while hits != 0:
