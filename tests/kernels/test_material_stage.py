@@ -265,7 +265,7 @@ def test_meshes_have_the_coordinates_of_their_vertices_and_brush_strokes_follow_
     lanes["primitive"] = second = np.arange(LANES) % 2
     lanes["hit.u"], lanes["hit.v"] = b1, b2
     for k in range(3):
-        lanes[f"vertex{k}"] = np.where(second, corners[k][:, None], corners[k][:, None] + 5)
+        lanes[f"face.vertex{k}"] = np.where(second, corners[k][:, None], corners[k][:, None] + 5)
     flat = flattened(Conductor((1.0,) * 3, (1.0,) * 3, (0.5, 0.25), reflectance=image), plain, mapped)
     run(flat, lanes)
     u, v = np.where(second, uvs.T @ [1 - b1 - b2, b1, b2], [b1, b2])
@@ -279,7 +279,6 @@ def test_scenes_without_wrappers_and_textures_have_no_material_stage_and_no_memo
     scene = load_scene("metals")
     flat = flatten(scene, np.float32, np.float32)
     assert not flat.features.programs
-    assert stage_module.stage(flat.features, Uses(value=True, sample=True), np.float32) is None
     assert flat.table[SceneTable.programs.first] == flat.table[SceneTable.textures.first] == 0
 
 
