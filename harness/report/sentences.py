@@ -91,12 +91,13 @@ def _sentence(analysis: Analysis, axis: str, value: str, over: str, rows: Frame)
     for target in [*reversed(analysis.results.targets), None]:
         own = rows[rows.measure == (PER_SAMPLE if target is None else measure_of(target))]
         if (own.ratio.gt(0) & own.ratio.lt(math.inf)).any():
-            return _of_target(analysis, _words(axis, value, over, target), value, over, own)
+            return _of_target(analysis, _words(axis, value, over, target), value, over, own, rows)
     reasons = dict.fromkeys(why for why in rows.no_ratio if why) or ["neither was measured in a block that both have"]
     return f"{value} and {over} are not compared: {'; '.join(reasons)}."
 
 
-def _of_target(analysis: Analysis, words: _Words, value: str, over: str, rows: Frame) -> str:
+def _of_target(analysis: Analysis, words: _Words, value: str, over: str, rows: Frame, every: Frame) -> str:
+    """`rows` are those of one measure, `every` those of all."""
     compared = [row for row in rows.itertuples() if not row.no_ratio]
     told: dict[str, list[Any]] = {}
     for row in compared:
@@ -112,7 +113,7 @@ def _of_target(analysis: Analysis, words: _Words, value: str, over: str, rows: F
     if within := told.get("unresolved", []):
         start = "" if parts else f"{words.start} {_range(within)} of {words.whose}: "
         parts.append(f"{start}not separated on {_places(within)}{_repeats(within, _family(analysis, rows), analysis)}")
-    parts += _unreached(analysis, compared, value, over)
+    parts += _unreached(analysis, compared, value, over, every)
     parts += _not_compared([row for row in rows.itertuples() if row.no_ratio])
     return "; ".join(parts) + "."
 
@@ -165,7 +166,7 @@ def _places(rows: Sequence[Any]) -> str:
     return " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else names[0]
 
 
-def _unreached(analysis: Analysis, rows: Sequence[Any], value: str, over: str) -> Iterator[str]:
+def _unreached(analysis: Analysis, rows: Sequence[Any], value: str, over: str, every: Frame) -> Iterator[str]:
     """Who did not get there, of ratios that are bounds or unknown: a time of which only a bound is known, such as that of a
     first checkpoint, makes such a ratio, too."""
     reached = {(row.scene, row.contestant, row.measure): row.reached == row.seeds for row in analysis.by_target.itertuples()}
@@ -183,7 +184,19 @@ def _unreached(analysis: Analysis, rows: Sequence[Any], value: str, over: str) -
             words = f"only a bound of the ratio is known ({row.verdict})"
         cases.setdefault(words, []).append(row)
     for words, places in cases.items():
-        yield f"{words} on {_places(places)}"
+        easier = [text for row in places[:MOST_PLACES] if (text := _at_easier_target(analysis, row, every))]
+        yield f"{words} on {_places(places)}" + (f" ({', '.join(easier)})" if easier else "")
+
+
+def _at_easier_target(analysis: Analysis, row: Any, every: Frame) -> str:
+    """The ratio of a row's contestants at the hardest target that has one: `0.01 in 0.4 (0.3 to 0.5) on gears`, or empty."""
+    same = every[(every.scene == row.scene) & (every.settings == row.settings) & (every.no_ratio == "")]
+    for target in reversed(analysis.results.targets):
+        for found in same[same.measure == measure_of(target)].itertuples():
+            if 0 < found.ratio < math.inf and not math.isnan(found.ratio_low):
+                unless = "" if found.verdict in ("faster", "slower", "same") else ", not separated,"
+                return f"{target:g} in {_share(found)} ({_interval(found)}){unless} on {row.scene}"
+    return ""
 
 
 # --- how many repeats ----------------------------------------------------------------------------------------------
