@@ -169,6 +169,16 @@ def test_a_sentence_says_who_did_not_get_there(tmp_path):
     assert "time on yard; sobol did not reach it on hall" in line
 
 
+def test_a_sentence_says_what_is_known_at_an_easier_target_where_neither_reached_the_hardest(tmp_path):
+    def slow(cell):
+        cell["points"] = cell["points"][:4]
+
+    on_hall = [*twins(change=slow), *contestant(0.005, sampler="sobol", change=slow)]
+    on_yard = [*twins(scene="yard"), *contestant(0.005, sampler="sobol", scene="yard")]
+    (line,) = lines(analyse(results(tmp_path, on_hall, on_yard)), "sampler")
+    assert "time on yard; neither reached it on hall (0.1 in 0." in line and line.endswith(") on hall).")
+
+
 def test_axes_that_vary_together_are_told(tmp_path):
     analysis = analyse(results(tmp_path, twins(), contestant(0.005, engine="embree", threads=2)))
     assert analysis.by_axis.empty
