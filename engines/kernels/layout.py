@@ -18,7 +18,6 @@ from engines.kernels.compile.records import (
     LANES,
     REAL,
     LaneRecord,
-    Row,
     Table,
     array,
     bits_of,
@@ -38,11 +37,29 @@ from engines.kernels.compile.records import (
 from engines.kernels.compile.vec3 import Vec3
 from engines.kernels.lane.bsdf.interface import Scattering
 from engines.kernels.lane.lights.sample import LightSample
-from engines.kernels.light_rows import LIGHT_PARAMETERS, EnvironmentRow, LightRow, RangeRow
-from engines.kernels.program_rows import LookupRow, NodeRow, TextureRow, UVRow
-from engines.kernels.shape_rows import SHAPE_PARAMETERS, AnalyticRow, PlaneRow, PrimitiveRow, SphereRow, TriangleRow
+from engines.kernels.rows import (
+    BSDF_PARAMETERS,
+    LIGHT_PARAMETERS,
+    SHAPE_PARAMETERS,
+    AnalyticRow,
+    CameraRow,
+    EnvironmentRow,
+    GuideRow,
+    LeafRow,
+    LightRow,
+    LookupRow,
+    MarginRow,
+    MaterialRow,
+    NodeRow,
+    PlaneRow,
+    PrimitiveRow,
+    RangeRow,
+    SphereRow,
+    TextureRow,
+    TriangleRow,
+    UVRow,
+)
 
-BSDF_PARAMETERS = 15
 SHADER_OPTIONS = 8
 """Numbers in the scene's options that belong to the integrator."""
 POINT_U0, POINT_U1, LIGHT, LOBE, DIRECTION_U0, DIRECTION_U1, ROULETTE = range(7)
@@ -236,61 +253,6 @@ class WaitingRay(LaneRecord):
     throughput = vector()
     depth = integer()
     origin_primitive = integer()
-
-
-class MaterialRow(Row):
-    """What every scene reads comes first, and the first parameters of the model in the same cache line."""
-
-    emission = vector()
-    two_sided = real()
-    model = real()
-    bsdf = reals(BSDF_PARAMETERS)  # of the model; of a program, of its first leaf
-
-
-class LeafRow(Row):
-    """The parameters of a model, 0 where they are looked up."""
-
-    bsdf = reals(BSDF_PARAMETERS)
-
-
-class CameraRow(Row):
-    """`right` and `up` are scaled by half the width and height; for the arctangent map they are unit vectors, and the
-    half angles are given. Two pixels' widths are `2 / width`, and the axis of view passes at `middle_x / 2` of the width, from
-    the left, and at `middle_y / 2` of the height, from the top."""
-
-    dtype = np.float64
-    eye = vector()
-    forward = vector()
-    right = vector()
-    up = vector()
-    width = real()
-    height = real()
-    half_angle_x = real()
-    half_angle_y = real()
-    middle_x = real()
-    middle_y = real()
-    near = real()  # distances along the axis of view, of cameras that clip
-    far = real()
-    lens_right = vector()  # as long as the radius of the aperture
-    lens_up = vector()
-    focus_distance = real()
-
-
-class GuideRow(Row):
-    """The box of an SD-tree, in tracing coordinates, and the share of guided directions that BSDFs sample."""
-
-    corner = vector()
-    size = vector()
-    bsdf_fraction = real()
-
-
-class MarginRow(Row):
-    """How far off the surface new rays start, as a share of the largest coordinate there; the share of the way to a
-    light that a shadow ray covers."""
-
-    dtype = np.float64
-    offset = real()
-    shadow_share = real()
 
 
 class SceneTable(Table):

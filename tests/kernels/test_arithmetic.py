@@ -8,8 +8,7 @@ from scipy.stats import qmc
 
 from engines.choices import Choice
 from engines.kernels.compile.jit import inline
-from engines.kernels.lane.arctan import arctan2
-from engines.kernels.lane.exponential import erfcx, exp, log
+from engines.kernels.lane.elementary import arctan2, erfcx, exp, log
 from engines.kernels.lane.fresnel import refract
 from engines.kernels.lane.vector import Vec3, dot, sin_cos_turn, tangents
 from engines.kernels.stages import sampler

@@ -6,7 +6,7 @@ import math
 
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import const, select
-from engines.kernels.integrators.interface import Integrator, ScatterResult, Uses
+from engines.kernels.integrators.interface import Integrator, ScatterResult, Uses, finish
 from engines.kernels.lane.vector import Vec3, dot, total
 
 
@@ -23,7 +23,7 @@ def local(si, light, bsdf, path, ambient):
 
 
 @inline
-def step(si, light, bsdf, draws, path, options):
+def whitted(si, light, bsdf, draws, path, options):
     radiance, direct = local(si, light, bsdf, path, options[1])
     reflection, transmission = bsdf.reflection, bsdf.transmission
     ks = path.throughput * reflection.weight.color * reflection.weight.scale
@@ -48,4 +48,14 @@ def step(si, light, bsdf, draws, path, options):
     )
 
 
-INTEGRATOR = Integrator(step, Uses(value=True, specular=True, albedos=True), every_light=True, branches_at_specular=True)
+WHITTED = Integrator(whitted, Uses(value=True, specular=True, albedos=True), every_light=True, branches_at_specular=True)
+
+
+@inline
+def no_shadows(si, light, bsdf, draws, path, options):
+    """Direct light without visibility, plus the ambient term; specular reflection and transmission are black."""
+    radiance, direct = local(si, light, bsdf, path, options[1])
+    return finish(si.t, radiance, direct)
+
+
+NO_SHADOWS = Integrator(no_shadows, Uses(value=True, albedos=True), every_light=True, shadows=False)

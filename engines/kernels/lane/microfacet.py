@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import const, select
-from engines.kernels.lane.exponential import LARGEST_ERROR_ARGUMENT, erfcx, exp, log, rough_erfinv
+from engines.kernels.lane.elementary import LARGEST_ERROR_ARGUMENT, erfcx, exp, log, rough_erfinv
 from engines.kernels.lane.target import sqrt
 from engines.kernels.lane.vector import Vec3, dot, sin_cos_turn, unit
 

@@ -10,8 +10,7 @@ import numpy as np
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.records import address_of, prefetch
 from engines.kernels.compile.values import pick, select
-from engines.kernels.lane.arccos import arccos
-from engines.kernels.lane.arctan import arctan2
+from engines.kernels.lane.elementary import arccos, arctan2
 from engines.kernels.lane.vector import Vec3, dot, sin_cos_turn
 
 TEXEL_BYTES = 24

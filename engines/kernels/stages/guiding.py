@@ -19,7 +19,7 @@ from engines.kernels.compile.records import lane_numbers
 from engines.kernels.compile.values import select
 from engines.kernels.features import SceneFeatures, per_features
 from engines.kernels.flatten.materials import MODELS
-from engines.kernels.lane.arctan import arctan2
+from engines.kernels.lane.elementary import arctan2
 from engines.kernels.lane.vector import Vec3, dot, largest, sin_cos_turn
 from engines.kernels.layout import DIRECTION_U0, DIRECTION_U1, LANES, LOBE, ray_batch, scene_table
 from engines.sd_tree import MOST_RECORDS

@@ -16,7 +16,7 @@ from engines.kernels.compile.values import const, select
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten.lights import CONSTANT_ENVIRONMENT, IMAGE_ENVIRONMENT
 from engines.kernels.flatten.shapes import analytic_shape
-from engines.kernels.integrators import albedo, depth_map, no_shadows, path_tracer, whitted
+from engines.kernels.integrators import aov, path_tracer, whitted
 from engines.kernels.integrators.interface import Integrator, Path, SurfaceInteraction, Uses
 from engines.kernels.lane.lights.sample import LightSample
 from engines.kernels.lane.sampling import cosine_pdf
@@ -37,10 +37,10 @@ from engines.scene import support
 
 INTEGRATORS: Mapping[str, Integrator] = {
     "path_tracer": path_tracer.INTEGRATOR,
-    "whitted": whitted.INTEGRATOR,
-    "no_shadows": no_shadows.INTEGRATOR,
-    "depth_map": depth_map.INTEGRATOR,
-    "albedo": albedo.INTEGRATOR,
+    "whitted": whitted.WHITTED,
+    "no_shadows": whitted.NO_SHADOWS,
+    "depth_map": aov.DEPTH_MAP,
+    "albedo": aov.ALBEDO,
 }
 
 

@@ -6,7 +6,7 @@ import math
 
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import select
-from engines.kernels.lane.arccos import arccos
+from engines.kernels.lane.elementary import arccos
 from engines.kernels.lane.lights.sample import LightSample
 from engines.kernels.lane.target import sqrt
 from engines.kernels.lane.vector import Vec3, dot

@@ -1,6 +1,7 @@
-"""Exponential, logarithm and error function as vector code, to a few ulp of either precision.
+"""Elementary functions as vector code, to a few ulp of either precision.
 
-Coefficients are interpolations at Chebyshev nodes, made in 50 digits, of truncation errors below 2e-17.
+Coefficients of the exponential, the logarithm and the error function are interpolations at Chebyshev nodes, made in 50 digits,
+of truncation errors below 2e-17.
 """
 
 from __future__ import annotations
@@ -10,6 +11,51 @@ import math
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import const, exponent_of, mantissa_of, polynomial, power_of_two, select
 from engines.kernels.lane.target import floor, sqrt
+
+
+@inline
+def arccos(x):
+    """In radians, to 2 ulp; x in [-1, 1]. fdlibm's rational approximation of the inverse sine (Sun Microsystems 1993)."""
+    size = abs(x)
+    small = size < 0.5
+    rest = 1.0 - size
+    z = select(small, x * x, 0.5 * select(rest > 0.0, rest, 0.0))
+    p = 7.91534994289814532176e-04 + z * 3.47933107596021167570e-05
+    p = 2.01212532134862925881e-01 + z * (-4.00555345006794114027e-02 + z * p)
+    p = z * (1.66666666666666657415e-01 + z * (-3.25565818622400915405e-01 + z * p))
+    q = -6.88283971605453293030e-01 + z * 7.70381505559019352791e-02
+    q = 1.0 + z * (-2.40339491173441421878 + z * (2.02094576023350569471 + z * q))
+    ratio = p / q
+    root = sqrt(z)
+    far = 2.0 * (root + root * ratio)
+    far = select(x < 0.0, math.pi - far, far)
+    return select(small, const(math.pi / 2, x) - (x + x * ratio), far)
+
+
+@inline
+def arctan2(y, x):
+    """In radians, in [-pi, pi], to 2 ulp; of zeros, with their signs, as IEEE 754 has it. Rational
+    approximation of Moshier's Cephes library (1995)."""
+    one, half_turn = const(1.0, x), const(math.pi, x)
+    ax, ay = abs(x), abs(y)
+    steep = ay > ax
+    low, high = select(steep, ax, ay), select(steep, ay, ax)
+    far = low > high * 0.41421356237309503
+    over = select(far, low + high, high)
+    t = select(far, low - high, low) / select(over > 0.0, over, one)
+    z = t * t
+    p = -16.15753718733365076637 + z * -0.8750608600031904122785
+    p = -122.8866684490136173410 + z * (-75.00855792314704667340 + z * p)
+    p = -64.85021904942025371773 + z * p
+    q = 165.0270098316988542046 + z * (24.85846490142306297962 + z)
+    q = 485.3903996359136964868 + z * (432.8810604912902668951 + z * q)
+    q = 194.5506571482613964425 + z * q
+    angle = t + t * (z * p / q)
+    angle = select(far, angle + const(math.pi / 4, x), angle)
+    angle = select(steep, const(math.pi / 2, x) - angle, angle)
+    angle = select(math.copysign(one, x) < 0.0, half_turn - angle, angle)
+    return math.copysign(angle, y)
+
 
 LOWEST = -87.0
 """exp of what lies below is 0: so near to it are the smallest normal numbers of float32."""

@@ -1,0 +1,34 @@
+"""Images of what is there, without light."""
+
+from __future__ import annotations
+
+from engines.kernels.compile.jit import inline
+from engines.kernels.compile.values import const, select
+from engines.kernels.integrators.interface import Integrator, Uses, finish
+from engines.kernels.lane.vector import Vec3, largest, length
+
+
+@inline
+def albedo(si, light, bsdf, draws, path, options):
+    """The material's albedo (the first of kd, ks and kt that is not black), and emission where that is black, as MobileRT's
+    shader of the diffuse material shows it."""
+    zero = const(0.0, si.t)
+    none = Vec3(zero, zero, zero)
+    shown = select(largest(bsdf.albedo) > zero, bsdf.albedo, select(si.miss, none, si.emission))
+    return finish(si.t, shown, none)
+
+
+ALBEDO = Integrator(albedo, Uses(albedos=True), lit=False)
+
+
+@inline
+def depth_map(si, light, bsdf, draws, path, options):
+    """Grey by distance, max(0, (D - t)/D) with D = 1.1 |max_point - origin|, and black where nothing is hit."""
+    zero = const(0.0, si.t)
+    far = 1.1 * length(Vec3(options[3], options[4], options[5]) - si.origin)
+    grey = (far - si.t) / select(far > zero, far, 1.0)
+    grey = select((not si.miss) & (grey > zero) & (far > zero), grey, zero)
+    return finish(si.t, Vec3(grey, grey, grey), Vec3(zero, zero, zero))
+
+
+DEPTH_MAP = Integrator(depth_map, Uses(), lit=False)
