@@ -65,7 +65,7 @@ SHADER_OPTIONS = 8
 POINT_U0, POINT_U1, LIGHT, LOBE, DIRECTION_U0, DIRECTION_U1, ROULETTE = range(7)
 """The random numbers of a vertex: the place on the light, which light, the lobe, the direction, roulette."""
 VERTEX_DRAWS = 7
-LIGHT_CANDIDATES = 32
+MOST_LIGHT_CANDIDATES = 32
 """Light samples at a vertex of which one is taken, at most."""
 VERTEX_DIMENSIONS = 8
 """Dimensions from the first of a vertex to the first of the next; the last one is not drawn."""
@@ -211,7 +211,7 @@ class RayBatch(LaneRecord):
     # where the light sample is one of several candidates (`stages.resampling`)
     drawn = reals(3)  # the vertex's random numbers, from which each candidate's follow
     candidate = integer()
-    targets = reals(LIGHT_CANDIDATES)  # candidates are picked in proportion to these
+    targets = reals(MOST_LIGHT_CANDIDATES)  # candidates are picked in proportion to these
     target_sum = real()
     target_begin = real()  # the sum of those before a candidate
     target = real()  # of the candidate that is picked

@@ -7,6 +7,9 @@ from engines.kernels.compile.values import const, select
 from engines.kernels.integrators.interface import Integrator, Uses, finish
 from engines.kernels.lane.vector import Vec3, largest, length
 
+MAX_POINT = 3
+"""Place among the options of the first of three coordinates."""
+
 
 @inline
 def albedo(si, light, bsdf, draws, path, options):
@@ -25,7 +28,7 @@ ALBEDO = Integrator(albedo, Uses(albedos=True), lit=False)
 def depth_map(si, light, bsdf, draws, path, options):
     """Grey by distance, max(0, (D - t)/D) with D = 1.1 |max_point - origin|, and black where nothing is hit."""
     zero = const(0.0, si.t)
-    far = 1.1 * length(Vec3(options[3], options[4], options[5]) - si.origin)
+    far = 1.1 * length(Vec3(options[MAX_POINT], options[MAX_POINT + 1], options[MAX_POINT + 2]) - si.origin)
     grey = (far - si.t) / select(far > zero, far, 1.0)
     grey = select((not si.miss) & (grey > zero) & (far > zero), grey, zero)
     return finish(si.t, Vec3(grey, grey, grey), Vec3(zero, zero, zero))

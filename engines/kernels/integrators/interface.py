@@ -15,6 +15,9 @@ from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import const
 from engines.kernels.compile.vec3 import Vec3
 
+MAX_DEPTH = 0
+"""The place among the options of a built-in integrator of the depth at which its paths end, if it has one."""
+
 
 class SurfaceInteraction(NamedTuple):
     """Where the ray ended. Normals face the viewer. On a miss only `direction`, `origin`, `emission`, `light_pdf` and

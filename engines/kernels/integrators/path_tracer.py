@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import const, select
-from engines.kernels.integrators.interface import Integrator, ScatterResult, Uses
+from engines.kernels.integrators.interface import MAX_DEPTH, Integrator, ScatterResult, Uses
 from engines.kernels.lane.sampling import power_heuristic
 from engines.kernels.lane.vector import Vec3, dot, largest
 
 LIGHT_ONLY, BSDF_ONLY, MIS = 0, 1, 2
 DIRECT = {"light": LIGHT_ONLY, "bsdf": BSDF_ONLY, "mis": MIS}
-DIRECT_OPTION, LIGHT_CANDIDATES = 2, 3
-"""Places among the integrator's options that the light stage reads as well."""
+RR_DEPTH, DIRECT_OPTION, LIGHT_CANDIDATES = 1, 2, 3
+"""Places among the integrator's options; the light stage reads the last two as well."""
 
 
 @inline
@@ -19,7 +19,7 @@ def _path_step(si, light, bsdf, draws, path, options, crosses):
     """One vertex. Where the sample `crosses` the surface, that is no vertex: depth and pdf stay, and there is no roulette."""
     zero = const(0.0, si.t)
     none = Vec3(zero, zero, zero)
-    max_depth, rr_depth, direct = options[0], options[1], options[2]
+    max_depth, rr_depth, direct = options[MAX_DEPTH], options[RR_DEPTH], options[DIRECT_OPTION]
     use_light, use_bsdf = direct == LIGHT_ONLY, direct == BSDF_ONLY
 
     # emission: what the light strategy would have found too counts for less

@@ -6,8 +6,11 @@ import math
 
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import const, select
-from engines.kernels.integrators.interface import Integrator, ScatterResult, Uses, finish
+from engines.kernels.integrators.interface import MAX_DEPTH, Integrator, ScatterResult, Uses, finish
 from engines.kernels.lane.vector import Vec3, dot, total
+
+AMBIENT = 1
+"""Place among the options."""
 
 
 @inline
@@ -24,11 +27,11 @@ def local(si, light, bsdf, path, ambient):
 
 @inline
 def whitted(si, light, bsdf, draws, path, options):
-    radiance, direct = local(si, light, bsdf, path, options[1])
+    radiance, direct = local(si, light, bsdf, path, options[AMBIENT])
     reflection, transmission = bsdf.reflection, bsdf.transmission
     ks = path.throughput * reflection.weight.color * reflection.weight.scale
     kt = path.throughput * transmission.weight.color * transmission.weight.scale
-    deeper = (path.depth < options[0]) & (not si.miss)
+    deeper = (path.depth < options[MAX_DEPTH]) & (not si.miss)
     reflects = deeper & reflection.valid & (total(ks) > 0.0) & (dot(si.geometric_normal, reflection.wi) > 0.0)
     side = dot(si.geometric_normal, transmission.wi)
     through = transmission.transmitted
@@ -54,7 +57,7 @@ WHITTED = Integrator(whitted, Uses(value=True, specular=True, albedos=True), eve
 @inline
 def no_shadows(si, light, bsdf, draws, path, options):
     """Direct light without visibility, plus the ambient term; specular reflection and transmission are black."""
-    radiance, direct = local(si, light, bsdf, path, options[1])
+    radiance, direct = local(si, light, bsdf, path, options[AMBIENT])
     return finish(si.t, radiance, direct)
 
 

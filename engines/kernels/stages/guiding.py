@@ -19,6 +19,7 @@ from engines.kernels.compile.records import lane_numbers
 from engines.kernels.compile.values import select
 from engines.kernels.features import SceneFeatures, per_features
 from engines.kernels.flatten.materials import MODELS
+from engines.kernels.integrators.interface import MAX_DEPTH
 from engines.kernels.lane.elementary import arctan2
 from engines.kernels.lane.vector import Vec3, dot, largest, sin_cos_turn
 from engines.kernels.layout import DIRECTION_U0, DIRECTION_U1, LANES, LOBE, ray_batch, scene_table
@@ -196,7 +197,7 @@ def _make_choose(features: SceneFeatures, real: Any) -> Any:
     def choose(batch, scene_address):
         rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
         box = scene.guide[0]
-        lanes, fraction, some = scattering_lanes(rays, np.int64(scene.options[0])), real(box.bsdf_fraction), np.int64(0)
+        lanes, fraction, some = scattering_lanes(rays, np.int64(scene.options[MAX_DEPTH])), real(box.bsdf_fraction), np.int64(0)
         find_leaves(rays, scene, box)
         for lane in range(np.uint64(LANES)):
             kind = np.int64(rays.bsdf_model[lane]) if several else np.int64(single)
@@ -228,7 +229,7 @@ def _make_mix(masks: bool, lit: bool, real: Any) -> Any:
 
     def mix(batch, scene_address):
         rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
-        lanes = scattering_lanes(rays, np.int64(scene.options[0]))
+        lanes = scattering_lanes(rays, np.int64(scene.options[MAX_DEPTH]))
         if lit:
             for lane in range(np.uint64(LANES)):
                 asked = ((lanes >> np.int64(lane)) & 1 != 0) & (rays.bsdf_share[lane] < one)

@@ -17,14 +17,21 @@ from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten.lights import CONSTANT_ENVIRONMENT, IMAGE_ENVIRONMENT
 from engines.kernels.flatten.shapes import analytic_shape
 from engines.kernels.integrators import aov, path_tracer, whitted
-from engines.kernels.integrators.interface import Integrator, Path, SurfaceInteraction, Uses
+from engines.kernels.integrators.interface import MAX_DEPTH, Integrator, Path, SurfaceInteraction, Uses
 from engines.kernels.lane.lights.sample import LightSample
 from engines.kernels.lane.sampling import cosine_pdf
 from engines.kernels.lane.vector import Vec3, dot, length
 from engines.kernels.layout import (
     CAMERA_DIMENSIONS,
+    DIRECTION_U0,
+    DIRECTION_U1,
     LANES,
+    LIGHT,
+    LOBE,
     MOST_NULL_LOBES,
+    POINT_U0,
+    POINT_U1,
+    ROULETTE,
     SHADER_OPTIONS,
     VERTEX_DIMENSIONS,
     VERTEX_DRAWS,
@@ -88,15 +95,18 @@ def option_numbers(shader: Choice, bounds: NDArray[np.float64], center: NDArray[
         numbers = support.option_numbers(options)
         row[: len(numbers)] = numbers
         return row
-    row[0] = options.get("max_depth", 1)
+    row[MAX_DEPTH] = options.get("max_depth", 1)
     if shader.name == "path_tracer":
-        row[1], row[2] = options["rr_depth"], path_tracer.DIRECT[options["direct"]]
+        row[path_tracer.RR_DEPTH] = options["rr_depth"]
+        row[path_tracer.DIRECT_OPTION] = path_tracer.DIRECT[options["direct"]]
         row[path_tracer.LIGHT_CANDIDATES] = light_candidates(shader)
     elif shader.name in ("whitted", "no_shadows"):
-        row[1] = options["ambient"]
+        row[whitted.AMBIENT] = options["ambient"]
     elif shader.name == "depth_map":
         corner = bounds[1] if options["max_point"] is None else options["max_point"]
-        row[3:6] = np.subtract(corner, center)  # NaN where there is no finite shape, and then the image is black
+        row[aov.MAX_POINT : aov.MAX_POINT + 3] = np.subtract(
+            corner, center
+        )  # NaN where there is no finite shape, and then the image is black
     return row
 
 
@@ -113,14 +123,14 @@ def wanted_draws(shader: Choice, features: SceneFeatures) -> int:
     features."""
     if shader.plugin is not None:
         return (1 << VERTEX_DRAWS) - 1
-    light = 0b011 | (0b100 if features.many_lights or features.mesh_lights else 0)
+    light = 1 << POINT_U0 | 1 << POINT_U1 | (1 << LIGHT if features.many_lights or features.mesh_lights else 0)
     if shader.name != "path_tracer":
-        return light | (0b1000 if features.choices else 0)
+        return light | (1 << LOBE if features.choices else 0)
     several = features.lobes or features.specular_reflection or features.specular_transmission or features.choices
     several = several or is_guided(shader)
-    lobe = 0b1000 if several else 0
-    roulette = 0b1000000 if light_candidates(shader) > 1 or shader.options["rr_depth"] < shader.options["max_depth"] else 0
-    return light | lobe | 0b110000 | roulette
+    lobe = 1 << LOBE if several else 0
+    ends = light_candidates(shader) > 1 or shader.options["rr_depth"] < shader.options["max_depth"]
+    return light | lobe | 1 << DIRECTION_U0 | 1 << DIRECTION_U1 | (1 << ROULETTE if ends else 0)
 
 
 class ShadeFeatures(NamedTuple):
