@@ -301,7 +301,7 @@ def _advance(rays, stages, bsdfs, batch, shadows, scene, plan, records, real):
         if stages.light != 0:
             traced += _trace_shadow_rays(rays, stages, batch, shadows, scene, real)
     if stages.guide != 0 and scatters:
-        keep_records(rays, from_zero(rays.record_vertex), records)
+        keep_records(rays, from_zero(rays.recorded.vertex), records)
     return traced
 
 

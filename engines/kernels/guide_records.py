@@ -41,9 +41,9 @@ def keep_records(rays, lanes, records):
     while lanes != 0:
         lane = np.uint64(lowest_bit(lanes))
         lanes &= lanes - 1
-        place = np.int64(rays.slot[lane]) * MOST_RECORDS + np.int64(rays.record_vertex[lane])
-        throughput, radiance, row = rays.record_throughput[lane], rays.radiance[lane], place * RECORD_NUMBERS
-        cells[place] = rays.record_cell[lane]
+        place = np.int64(rays.slot[lane]) * MOST_RECORDS + np.int64(rays.recorded.vertex[lane])
+        throughput, radiance, row = rays.recorded.throughput[lane], rays.radiance[lane], place * RECORD_NUMBERS
+        cells[place] = rays.recorded.cell[lane]
         numbers[row], numbers[row + 1], numbers[row + 2] = throughput.x, throughput.y, throughput.z
         numbers[row + 3], numbers[row + 4], numbers[row + 5] = radiance.x, radiance.y, radiance.z
 

@@ -134,6 +134,69 @@ class Branch(NamedTuple):
     throughput: Vec3
 
 
+class Wrapped(NamedTuple):
+    """What wrappers of BSDFs have made of the surface."""
+
+    opacity: float
+    """The share of the surface that is there."""
+    passing: bool
+    """The sample goes straight through."""
+    untilted_normal: Vec3
+    """The shading normal before the innermost map, whose result is that of the hit."""
+    outer_normal: Vec3
+    """The shading normal before the outermost map."""
+
+
+class Crossing(NamedTuple):
+    """The way of a path through surfaces that are no vertices."""
+
+    absent: bool
+    """The surface is an emitter that hides."""
+    scattered: bool
+    """Something else than null lobes lies between the camera and the ray."""
+    way: float
+    """From the last vertex to the ray's origin."""
+    point: Vec3
+    """The last vertex."""
+    normal: Vec3
+    """Its geometric normal."""
+
+
+class Guide(NamedTuple):
+    """The choice between the BSDF's direction and that of an SD-tree (`stages.guiding`)."""
+
+    leaf: int
+    """Of the tree over space, where the vertex lies."""
+    bsdf_share: float
+    """With which the BSDF samples the direction, else the tree does."""
+    by_tree: bool
+    """The tree does."""
+    wi: Vec3
+    """Its sample."""
+    node: int
+    """In a walk through the tree, below 0 at its end."""
+    place: Vec3
+    """The vertex, in halves of halves of the box."""
+    u0: float
+    u1: float
+    x: float
+    y: float
+    """A direction as a place in the square, or in a part of it."""
+    pdf: float
+    """With which the tree samples it, per solid angle."""
+
+
+class Recorded(NamedTuple):
+    """A direction that the tree will learn from."""
+
+    vertex: int
+    """Its number along the path, from 0 on; -1 for none."""
+    cell: int
+    """4 times the tree's node in which it lies, plus the quarter."""
+    throughput: Vec3
+    """Of the path, before the vertex."""
+
+
 class RayBatch(LaneRecord):
     """Sixteen lanes, field by field. Behind the fields lies scratch memory for intersectors."""
 
@@ -201,13 +264,12 @@ class RayBatch(LaneRecord):
 
     scatter = record(Scattering)  # the BSDF at this vertex, where models have stages of their own
 
-    # where the scene has masks: the share of the surface that is there, and whether the sample goes straight through
-    opacity = real()
-    passing = flag()
-    # where it has bump or normal maps, whose result is `normal`: the shading normals before the innermost and the outermost
-    untilted_normal, outer_normal = vector(), vector()
-    # where it has BSDFs that refract: the product of `Scattering.eta_scale` along the path
-    eta_scale = real()
+    wrapped = record(Wrapped)  # where the scene has masks, bump or normal maps; written by the material stage
+    eta_scale = real()  # the product of `Scattering.eta_scale` along the path, where BSDFs refract
+    crossing = record(Crossing)  # where null lobes are crossed freely, or emitters hide from the camera
+    guide = record(Guide)  # where paths are guided
+    recorded = record(Recorded)
+
     # where the light sample is one of several candidates (`stages.resampling`)
     drawn = reals(3)  # the vertex's random numbers, from which each candidate's follow
     candidate = integer()
@@ -215,24 +277,6 @@ class RayBatch(LaneRecord):
     target_sum = real()
     target_begin = real()  # the sum of those before a candidate
     target = real()  # of the candidate that is picked
-    # where null lobes are crossed freely, or emitters hide from the camera
-    absent = flag()  # the surface is an emitter that hides
-    scattered = flag()  # something else than null lobes lies between the camera and the ray
-    crossed = real()  # the way from the last vertex to the ray's origin
-    vertex_point, vertex_normal = vector(), vector()  # the last vertex, and its geometric normal
-    # where paths are guided (`stages.guiding`)
-    guide_leaf = integer()  # the leaf of the SD-tree where the vertex lies
-    bsdf_share = real()  # with which the BSDF samples the direction, else the tree does
-    guided = flag()  # the tree does
-    guide_wi = vector()  # its sample
-    guide_node = integer()  # in a walk through the tree, below 0 at its end
-    guide_place = vector()  # the vertex, in halves of halves of the box
-    guide_u0, guide_u1 = real(), real()
-    guide_x, guide_y = real(), real()  # a direction as a place in the square, or in a part of it
-    guide_pdf = real()  # with which the tree samples it, per solid angle
-    record_vertex = integer()  # number of the vertex whose direction is recorded, from 0 on; -1 for none
-    record_cell = integer()  # 4 times the tree's node in which it lies, plus the quarter
-    record_throughput = vector()  # of the path, before the vertex
 
 
 PATH_NUMBERS = RayBatch.fields["waiting"].first + 1

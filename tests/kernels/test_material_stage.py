@@ -185,8 +185,8 @@ def test_nested_wrappers_lead_to_one_leaf_with_what_is_left_of_the_draw():
         expected = [walked(nested(), *pair) for pair in zip(u, front, strict=True)]
         assert np.array_equal(lanes["bsdf"][0], [leaf.kd[0] for leaf, *_ in expected])
         assert np.allclose(lanes["draw"][3], [rest for _, rest, *_ in expected], rtol=1e-12)
-        assert np.array_equal(lanes["passing"][0] != 0, [passing for *_, passing, _ in expected])
-        assert np.allclose(lanes["opacity"][0], [opacity for *_, opacity in expected], rtol=1e-15)
+        assert np.array_equal(lanes["wrapped.passing"][0] != 0, [passing for *_, passing, _ in expected])
+        assert np.allclose(lanes["wrapped.opacity"][0], [opacity for *_, opacity in expected], rtol=1e-15)
         seen |= {leaf.kd[0] for leaf, *_ in expected}
     assert seen == {0.0, 1 / 8, 2 / 8, 4 / 8, 5 / 8}
 
@@ -196,7 +196,7 @@ def test_lanes_without_a_hit_or_a_program_keep_what_they_have():
     lanes = shaded(bsdf, alive=[k % 2 for k in range(LANES)], miss=[k // 2 % 2 for k in range(LANES)])
     works = np.array([k % 2 == 1 and k // 2 % 2 == 0 for k in range(LANES)])
     assert np.array_equal(lanes["bsdf"][0] > 0, works)
-    assert (lanes["opacity"][0][~works] == 1).all()
+    assert (lanes["wrapped.opacity"][0][~works] == 1).all()
 
 
 def unit(x):
@@ -215,8 +215,8 @@ def test_bump_maps_tilt_the_normal_by_the_slope_of_their_height():
     expected = unit(np.stack([-slope(d, 0), -slope(0, d), np.ones(LANES)]))
     assert np.allclose(lanes["hit.normal"], expected, atol=1e-6)
     assert np.ptp(lanes["hit.normal"][0]) > 0.01
-    assert np.array_equal(lanes["outer_normal"], lanes["untilted_normal"])
-    assert np.array_equal(lanes["outer_normal"], np.tile([[0.0], [0.0], [1.0]], LANES))
+    assert np.array_equal(lanes["wrapped.outer_normal"], lanes["wrapped.untilted_normal"])
+    assert np.array_equal(lanes["wrapped.outer_normal"], np.tile([[0.0], [0.0], [1.0]], LANES))
 
 
 def test_normal_maps_tilt_in_the_frame_of_the_surface_and_no_tilt_hides_the_surface_from_the_viewer():
@@ -251,7 +251,7 @@ def test_tilts_met_from_behind_turn_the_front_of_what_transmits_as_in_the_engine
         at = SurfaceInteraction(0 * n, wo, n, n, du, front, none, none, np.zeros(LANES), np.stack([u, v]), dv)
         found, _ = Materials([Material("m", bsdf=wrapper)]).walk(at, np.full(LANES, 0.5))
         assert np.allclose(lanes["hit.normal"], found.normal, atol=1e-12)
-        assert np.allclose(lanes["untilted_normal"], found.wrapped.innermost, atol=1e-12)
+        assert np.allclose(lanes["wrapped.untilted_normal"], found.wrapped.innermost, atol=1e-12)
 
 
 def test_meshes_have_the_coordinates_of_their_vertices_and_brush_strokes_follow_them():

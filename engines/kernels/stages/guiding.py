@@ -60,20 +60,20 @@ def _make_find_leaves(real: Any) -> Any:
             place = Vec3(
                 (p.x - box.corner.x) / box.size.x, (p.y - box.corner.y) / box.size.y, (p.z - box.corner.z) / box.size.z
             )
-            rays.guide_place[lane] = Vec3(clamped(place.x), clamped(place.y), clamped(place.z))
-            rays.guide_node[lane] = root
-        while _inner(rays.guide_node) != 0:
+            rays.guide.place[lane] = Vec3(clamped(place.x), clamped(place.y), clamped(place.z))
+            rays.guide.node[lane] = root
+        while _inner(rays.guide.node) != 0:
             for lane in range(np.uint64(LANES)):
-                node, place = np.int32(rays.guide_node[lane]), rays.guide_place[lane]
+                node, place = np.int32(rays.guide.node[lane]), rays.guide.place[lane]
                 doubled = two * place.x
                 upper = doubled >= one
                 half = np.int32(
                     scene.guide_halves[np.int32(2) * max(node, np.int32(0)) + select(upper, np.int32(1), np.int32(0))]
                 )
-                rays.guide_node[lane] = select(node >= np.int32(0), half, node)
-                rays.guide_place[lane] = Vec3(place.y, place.z, doubled - select(upper, one, zero))
+                rays.guide.node[lane] = select(node >= np.int32(0), half, node)
+                rays.guide.place[lane] = Vec3(place.y, place.z, doubled - select(upper, one, zero))
         for lane in range(np.uint64(LANES)):
-            rays.guide_leaf[lane] = np.int32(-1) - np.int32(rays.guide_node[lane])
+            rays.guide.leaf[lane] = np.int32(-1) - np.int32(rays.guide.node[lane])
 
     return find_leaves
 
@@ -94,30 +94,30 @@ def _make_sample(real: Any) -> Any:
     @inline
     def sample(rays, scene):
         for lane in range(np.uint64(LANES)):
-            rays.guide_node[lane] = select(rays.guided[lane], np.int32(rays.guide_leaf[lane]), np.int32(-1))
-            rays.guide_u0[lane], rays.guide_u1[lane] = rays.draw[DIRECTION_U0, lane], rays.draw[DIRECTION_U1, lane]
-            rays.guide_x[lane], rays.guide_y[lane] = zero, zero
+            rays.guide.node[lane] = select(rays.guide.by_tree[lane], np.int32(rays.guide.leaf[lane]), np.int32(-1))
+            rays.guide.u0[lane], rays.guide.u1[lane] = rays.draw[DIRECTION_U0, lane], rays.draw[DIRECTION_U1, lane]
+            rays.guide.x[lane], rays.guide.y[lane] = zero, zero
         edge = one
-        while _inner(rays.guide_node) != 0:
+        while _inner(rays.guide.node) != 0:
             edge *= half
             for lane in range(np.uint64(LANES)):
-                node = np.int32(rays.guide_node[lane])
+                node = np.int32(rays.guide.node[lane])
                 inner, n = node >= np.int32(0), max(node, np.int32(0))
                 left = scene.guide_shares[np.int32(3) * n]
-                right, u0 = chosen(rays.guide_u0[lane], left)
+                right, u0 = chosen(rays.guide.u0[lane], left)
                 low = scene.guide_shares[np.int32(3) * n + select(right, np.int32(2), np.int32(1))]
-                high, u1 = chosen(rays.guide_u1[lane], low)
+                high, u1 = chosen(rays.guide.u1[lane], low)
                 quarter = select(right, np.int32(1), np.int32(0)) + select(high, np.int32(2), np.int32(0))
                 divided = np.int32(scene.guide_quarters[np.int32(4) * n + quarter])
                 last = inner & (divided < np.int32(0))
-                x = rays.guide_x[lane] + select(right, edge, zero) + select(last, u0 * edge, zero)
-                y = rays.guide_y[lane] + select(high, edge, zero) + select(last, u1 * edge, zero)
-                rays.guide_x[lane] = select(inner, x, rays.guide_x[lane])
-                rays.guide_y[lane] = select(inner, y, rays.guide_y[lane])
-                rays.guide_u0[lane], rays.guide_u1[lane] = u0, u1
-                rays.guide_node[lane] = select(inner, divided, np.int32(-1))
+                x = rays.guide.x[lane] + select(right, edge, zero) + select(last, u0 * edge, zero)
+                y = rays.guide.y[lane] + select(high, edge, zero) + select(last, u1 * edge, zero)
+                rays.guide.x[lane] = select(inner, x, rays.guide.x[lane])
+                rays.guide.y[lane] = select(inner, y, rays.guide.y[lane])
+                rays.guide.u0[lane], rays.guide.u1[lane] = u0, u1
+                rays.guide.node[lane] = select(inner, divided, np.int32(-1))
         for lane in range(np.uint64(LANES)):
-            rays.guide_wi[lane] = _direction_of(rays.guide_x[lane], rays.guide_y[lane])
+            rays.guide.wi[lane] = _direction_of(rays.guide.x[lane], rays.guide.y[lane])
 
     return sample
 
@@ -132,18 +132,18 @@ def _make_look_up(real: Any) -> Any:
     @inline
     def look_up(rays, scene):
         for lane in range(np.uint64(LANES)):
-            rays.guide_pdf[lane] = select(np.int32(rays.guide_node[lane]) >= np.int32(0), sphere, zero)
-        while _inner(rays.guide_node) != 0:
+            rays.guide.pdf[lane] = select(np.int32(rays.guide.node[lane]) >= np.int32(0), sphere, zero)
+        while _inner(rays.guide.node) != 0:
             for lane in range(np.uint64(LANES)):
-                node = np.int32(rays.guide_node[lane])
+                node = np.int32(rays.guide.node[lane])
                 inner, n = node >= np.int32(0), max(node, np.int32(0))
-                x, y = two * rays.guide_x[lane], two * rays.guide_y[lane]
+                x, y = two * rays.guide.x[lane], two * rays.guide.y[lane]
                 right, high = x >= one, y >= one
-                rays.guide_x[lane], rays.guide_y[lane] = x - select(right, one, zero), y - select(high, one, zero)
+                rays.guide.x[lane], rays.guide.y[lane] = x - select(right, one, zero), y - select(high, one, zero)
                 cell = np.int32(4) * n + select(right, np.int32(1), np.int32(0)) + select(high, np.int32(2), np.int32(0))
-                rays.guide_pdf[lane] = rays.guide_pdf[lane] * select(inner, scene.guide_densities[cell], one)
-                rays.record_cell[lane] = select(inner, cell, np.int32(rays.record_cell[lane]))
-                rays.guide_node[lane] = select(inner, np.int32(scene.guide_quarters[cell]), np.int32(-1))
+                rays.guide.pdf[lane] = rays.guide.pdf[lane] * select(inner, scene.guide_densities[cell], one)
+                rays.recorded.cell[lane] = select(inner, cell, np.int32(rays.recorded.cell[lane]))
+                rays.guide.node[lane] = select(inner, np.int32(scene.guide_quarters[cell]), np.int32(-1))
 
     return look_up
 
@@ -204,13 +204,13 @@ def _make_choose(features: SceneFeatures, real: Any) -> Any:
             guided = (lanes >> np.int64(lane)) & 1 != 0
             guided = guided & (fraction < one) & (not only_delta(kind, False, lane_numbers(rays.bsdf, lane)))
             if masks:
-                guided = guided & (not rays.passing[lane])
+                guided = guided & (not rays.wrapped.passing[lane])
             if hides:
-                guided = guided & (not rays.absent[lane])
+                guided = guided & (not rays.crossing.absent[lane])
             share, u = select(guided, fraction, one), rays.draw[LOBE, lane]
             by_tree, rest = u >= share, u / share
-            rays.bsdf_share[lane] = share
-            rays.guided[lane] = by_tree
+            rays.guide.bsdf_share[lane] = share
+            rays.guide.by_tree[lane] = by_tree
             rays.draw[LOBE, lane] = select(rest < below_one, rest, below_one)
             some |= np.int64(1 if by_tree else 0)
         if some != 0:
@@ -232,30 +232,30 @@ def _make_mix(masks: bool, lit: bool, real: Any) -> Any:
         lanes = scattering_lanes(rays, np.int64(scene.options[MAX_DEPTH]))
         if lit:
             for lane in range(np.uint64(LANES)):
-                asked = ((lanes >> np.int64(lane)) & 1 != 0) & (rays.bsdf_share[lane] < one)
+                asked = ((lanes >> np.int64(lane)) & 1 != 0) & (rays.guide.bsdf_share[lane] < one)
                 asked = asked & (rays.scatter.value.scale[lane] > zero)
                 x, y = _place_of(rays.light_sample.wi[lane])
-                rays.guide_x[lane], rays.guide_y[lane] = clamped(x), clamped(y)
-                rays.guide_node[lane] = select(asked, np.int32(rays.guide_leaf[lane]), np.int32(-1))
+                rays.guide.x[lane], rays.guide.y[lane] = clamped(x), clamped(y)
+                rays.guide.node[lane] = select(asked, np.int32(rays.guide.leaf[lane]), np.int32(-1))
             look_up(rays, scene)
             for lane in range(np.uint64(LANES)):
-                share, opacity = rays.bsdf_share[lane], rays.opacity[lane] if masks else one
-                by_tree = (one - share) * opacity * rays.guide_pdf[lane]
+                share, opacity = rays.guide.bsdf_share[lane], rays.wrapped.opacity[lane] if masks else one
+                by_tree = (one - share) * opacity * rays.guide.pdf[lane]
                 rays.scatter.pdf[lane] = share * rays.scatter.pdf[lane] + by_tree
         for lane in range(np.uint64(LANES)):
             sample = rays.scatter.sample[lane]
             asked = ((lanes >> np.int64(lane)) & 1 != 0) & sample.valid & (sample.pdf <= huge)
             x, y = _place_of(sample.wi)
-            rays.guide_x[lane], rays.guide_y[lane] = clamped(x), clamped(y)
-            rays.guide_node[lane] = select(asked, np.int32(rays.guide_leaf[lane]), np.int32(-1))
+            rays.guide.x[lane], rays.guide.y[lane] = clamped(x), clamped(y)
+            rays.guide.node[lane] = select(asked, np.int32(rays.guide.leaf[lane]), np.int32(-1))
         look_up(rays, scene)
         for lane in range(np.uint64(LANES)):
-            share, sample = rays.bsdf_share[lane], rays.scatter.sample[lane]
+            share, sample = rays.guide.bsdf_share[lane], rays.scatter.sample[lane]
             pdf = sample.pdf
-            opacity = rays.opacity[lane] if masks else one
-            specular, mixed = pdf > huge, share * pdf + (one - share) * opacity * rays.guide_pdf[lane]
+            opacity = rays.wrapped.opacity[lane] if masks else one
+            specular, mixed = pdf > huge, share * pdf + (one - share) * opacity * rays.guide.pdf[lane]
             by_bsdf = select(specular, one / share, pdf / mixed)
-            factor = select(rays.guided[lane], one / mixed, by_bsdf)
+            factor = select(rays.guide.by_tree[lane], one / mixed, by_bsdf)
             ratio = select(specular, one, select(pdf > zero, mixed / pdf, one))
             ratio = select(ratio > one, ratio, one)
             rays.scatter.eta_scale[lane] = rays.scatter.eta_scale[lane] * ratio
@@ -268,8 +268,8 @@ def _make_mix(masks: bool, lit: bool, real: Any) -> Any:
             leaves = select(sample.transmitted, -side, side) > zero
             kept = ((lanes >> np.int64(lane)) & 1 != 0) & sample.valid & leaves & (not specular)
             kept = kept & (mixed > zero) & (largest(weight) > zero) & (depth <= np.int32(MOST_RECORDS))
-            rays.record_vertex[lane] = select(kept, depth - np.int32(1), np.int32(-1))
-            rays.record_throughput[lane] = rays.throughput[lane]
+            rays.recorded.vertex[lane] = select(kept, depth - np.int32(1), np.int32(-1))
+            rays.recorded.throughput[lane] = rays.throughput[lane]
 
     return mix
 

@@ -247,7 +247,7 @@ def _make_inverse_pmf(features: SceneFeatures, real: Any) -> Any:
             return 1.0
         point, normal = rays.hit.point[lane], rays.hit.geometric_normal[lane]
         if transparent:  # null lobes may lie between
-            point, normal = rays.vertex_point[lane], rays.vertex_normal[lane]
+            point, normal = rays.crossing.point[lane], rays.crossing.normal[lane]
         if cells:
             return light_cells.inverse_pmf(scene, light, point, normal)
         return light_hierarchy.inverse_pmf(scene, light, point, normal, real)

@@ -264,12 +264,12 @@ def _make(features: SceneFeatures, real: Any) -> Any:
         if choices:
             rays.draw[LOBE, lane] = state.u if state.u < below_one else below_one
         if masks:
-            rays.opacity[lane] = state.opacity
-            rays.passing[lane] = state.passing
+            rays.wrapped.opacity[lane] = state.opacity
+            rays.wrapped.passing[lane] = state.passing
         if tilts and state.tilts > 0:
             rays.hit.normal[lane] = state.frame.normal
-            rays.untilted_normal[lane] = state.before
-            rays.outer_normal[lane] = frame.normal
+            rays.wrapped.untilted_normal[lane] = state.before
+            rays.wrapped.outer_normal[lane] = frame.normal
         if tangents:
             node = scene.nodes[first]
             plain = np.int64(node.kind) == LEAF and node.value == 0.0  # here for the coordinates of a mesh alone
@@ -281,11 +281,11 @@ def _make(features: SceneFeatures, real: Any) -> Any:
         if masks or tilts:
             for lane in range(np.uint64(LANES)):
                 if masks:
-                    rays.opacity[lane] = real(1)
-                    rays.passing[lane] = False
+                    rays.wrapped.opacity[lane] = real(1)
+                    rays.wrapped.passing[lane] = False
                 if tilts:
-                    rays.untilted_normal[lane] = rays.hit.normal[lane]
-                    rays.outer_normal[lane] = rays.hit.normal[lane]
+                    rays.wrapped.untilted_normal[lane] = rays.hit.normal[lane]
+                    rays.wrapped.outer_normal[lane] = rays.hit.normal[lane]
         lanes = _lanes_with_program(rays, scene)
         if located:
             locate(rays, scene, lanes)

@@ -72,8 +72,8 @@ def _scaled(sample, factor):
 @inline
 def _tilt_at(rays, lane, wi):
     """(whether the lane's normals agree on the side of `wi`, the factor of what is scattered there)."""
-    untilted, normal = rays.untilted_normal[lane], rays.hit.normal[lane]
-    return is_consistent(untilted, normal, wi), terminator(rays.outer_normal[lane], normal, wi)
+    untilted, normal = rays.wrapped.untilted_normal[lane], rays.hit.normal[lane]
+    return is_consistent(untilted, normal, wi), terminator(rays.wrapped.outer_normal[lane], normal, wi)
 
 
 @inline
@@ -92,14 +92,14 @@ def _straight_on(si, share):
 @inline
 def _masked_sample(rays, lane, si, sample):
     """The model's sample as far as the surface is there, else the ray itself."""
-    found = BSDFSample(sample.wi, sample.weight, sample.pdf * rays.opacity[lane], sample.transmitted, sample.valid)
-    return select(rays.passing[lane], _straight_on(si, const(1.0, si.t)), found)
+    found = BSDFSample(sample.wi, sample.weight, sample.pdf * rays.wrapped.opacity[lane], sample.transmitted, sample.valid)
+    return select(rays.wrapped.passing[lane], _straight_on(si, const(1.0, si.t)), found)
 
 
 @inline
 def _beyond_mask(rays, lane, si, transmission):
     """Of the lobes apart: what a mask lets through takes the place of the refraction."""
-    opacity = rays.opacity[lane]
+    opacity = rays.wrapped.opacity[lane]
     return select(opacity < 1.0, _straight_on(si, 1.0 - opacity), transmission)
 
 
@@ -128,7 +128,7 @@ def _make_value(evaluate: Any, pdf_of: Any, masks: bool, tilts: bool) -> Any:
             value = Spectrum(value.color, select(there, value.scale * factor, 0.0))
             pdf = select(there, pdf, 0.0)
         if masks:
-            value, pdf = Spectrum(value.color, value.scale * rays.opacity[lane]), pdf * rays.opacity[lane]
+            value, pdf = Spectrum(value.color, value.scale * rays.wrapped.opacity[lane]), pdf * rays.wrapped.opacity[lane]
         return value, pdf
 
     return value_at
@@ -162,22 +162,22 @@ def _make_scatter(features: SceneFeatures, kind: int, uses: Uses) -> Any:
         if use_sample:
             sample = sample_of(parameters, si, draws.lobe, draws.u0, draws.u1, ALL)
             if bends:
-                refracted = sample.transmitted & (not rays.passing[lane]) if masks else sample.transmitted
+                refracted = sample.transmitted & (not rays.wrapped.passing[lane]) if masks else sample.transmitted
                 eta_scale = _eta_scale(si, parameters[ior], refracted)
             if tilts:
                 sample = _tilted_sample(rays, lane, sample)
             if masks:
                 sample = _masked_sample(rays, lane, si, sample)
             if guided:
-                found = _towards(si, rays.guide_wi[lane], *value_at(rays, lane, si, parameters, rays.guide_wi[lane]))
-                sample = select(rays.guided[lane], found, sample)
+                found = _towards(si, rays.guide.wi[lane], *value_at(rays, lane, si, parameters, rays.guide.wi[lane]))
+                sample = select(rays.guide.by_tree[lane], found, sample)
                 if bends:
-                    eta_scale = select(rays.guided[lane], _eta_scale(si, parameters[ior], found.transmitted), eta_scale)
+                    eta_scale = select(rays.guide.by_tree[lane], _eta_scale(si, parameters[ior], found.transmitted), eta_scale)
             if asks_null:
-                null = (crosses & sample.transmitted) | (masks & rays.passing[lane])
+                null = (crosses & sample.transmitted) | (masks & rays.wrapped.passing[lane])
             if hides:
-                value, sample, eta_scale = _unless_absent(rays.absent[lane], si, value, sample, eta_scale)
-                null = null | rays.absent[lane]
+                value, sample, eta_scale = _unless_absent(rays.crossing.absent[lane], si, value, sample, eta_scale)
+                null = null | rays.crossing.absent[lane]
         if use_specular:
             reflection = sample_of(parameters, si, draws.lobe, draws.u0, draws.u1, SPECULAR_REFLECTION)
             transmission = sample_of(parameters, si, draws.lobe, draws.u0, draws.u1, SPECULAR_TRANSMISSION)
@@ -185,12 +185,12 @@ def _make_scatter(features: SceneFeatures, kind: int, uses: Uses) -> Any:
                 reflection = _tilted_sample(rays, lane, reflection)
                 transmission = _tilted_sample(rays, lane, transmission)
             if masks:
-                reflection = _scaled(reflection, rays.opacity[lane])
+                reflection = _scaled(reflection, rays.wrapped.opacity[lane])
                 transmission = _beyond_mask(rays, lane, si, transmission)
         if use_albedos:
             diffuse, albedo = albedos(parameters, si)
             if masks:
-                diffuse = diffuse * rays.opacity[lane]
+                diffuse = diffuse * rays.wrapped.opacity[lane]
             diffuse, albedo = select(si.miss, none, diffuse), select(si.miss, none, albedo)
         through = light_through & (dot(si.normal, wi) < zero)
         return Scattering(value, pdf, sample, reflection, transmission, diffuse, albedo, through, null, eta_scale)

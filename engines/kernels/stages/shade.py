@@ -103,10 +103,9 @@ def option_numbers(shader: Choice, bounds: NDArray[np.float64], center: NDArray[
     elif shader.name in ("whitted", "no_shadows"):
         row[whitted.AMBIENT] = options["ambient"]
     elif shader.name == "depth_map":
+        # NaN where there is no finite shape, and then the image is black
         corner = bounds[1] if options["max_point"] is None else options["max_point"]
-        row[aov.MAX_POINT : aov.MAX_POINT + 3] = np.subtract(
-            corner, center
-        )  # NaN where there is no finite shape, and then the image is black
+        row[aov.MAX_POINT : aov.MAX_POINT + 3] = np.subtract(corner, center)
     return row
 
 
@@ -216,11 +215,11 @@ def _store_crossing_ray(rays, lane, si, path, result, crosses, null, goes, offse
     """`_store_next_ray` where rays may cross surfaces that are no vertices: depth and last vertex stay where one `crosses`."""
     dimension = rays.dimension[lane]
     first, pdf = dimension == CAMERA_DIMENSIONS, rays.cosine_pdf[lane]
-    crossed = select(first, 0.0, rays.crossed[lane]) + si.t
-    rays.crossed[lane] = select(goes & crosses, crossed, 0.0)
-    rays.scattered[lane] = goes & ((rays.scattered[lane] & (not first)) | (not null))
-    rays.vertex_point[lane] = select(crosses, rays.vertex_point[lane], si.point)
-    rays.vertex_normal[lane] = select(crosses, rays.vertex_normal[lane], si.geometric_normal)
+    crossed = select(first, 0.0, rays.crossing.way[lane]) + si.t
+    rays.crossing.way[lane] = select(goes & crosses, crossed, 0.0)
+    rays.crossing.scattered[lane] = goes & ((rays.crossing.scattered[lane] & (not first)) | (not null))
+    rays.crossing.point[lane] = select(crosses, rays.crossing.point[lane], si.point)
+    rays.crossing.normal[lane] = select(crosses, rays.crossing.normal[lane], si.geometric_normal)
     _store_next_ray(rays, lane, si, path, result, goes, offset, 1, 0, depth, left)
     rays.cosine_pdf[lane] = select(crosses, pdf, rays.cosine_pdf[lane])
     rays.depth[lane] = select(crosses, depth, rays.depth[lane])
@@ -312,7 +311,7 @@ def _make(step: Any, scattering: Any, shading: ShadeFeatures, real: Any) -> Any:
             before, draws = _load(rays, scene, lane, shading, real), load_draws(rays, lane)
             bsdf = scattering(rays, lane, before.si, draws)
             if transparent or hides:
-                crosses = bsdf.null if transparent else rays.absent[lane]
+                crosses = bsdf.null if transparent else rays.crossing.absent[lane]
                 result = step(before.si, before.light, bsdf, draws, before.path, options, crosses)
                 _store(rays, lane, before, result, crosses, bsdf.null, n_lights, shading, left, share, real)
             else:

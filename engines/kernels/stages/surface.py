@@ -209,7 +209,7 @@ def _make(features: SceneFeatures, real: Any) -> Any:
             if emission:
                 emitted, light_pdf = emission_at(rays, lane, found, front, miss, inverse_pmf)
             elif hides:
-                rays.absent[lane] = False  # an update may have taken the last emitter away
+                rays.crossing.absent[lane] = False  # an update may have taken the last emitter away
             if constant_environment:
                 emitted = select(miss, environment_radiance, emitted)
                 light_pdf = select(miss, rays.cosine_pdf[lane] / environment_inverse_pmf, light_pdf)
@@ -229,7 +229,7 @@ def _make(features: SceneFeatures, real: Any) -> Any:
 def _is_absent(rays, lane, miss, zero):
     """Whether the surface is an emitter that hides from the camera; keeps it, too."""
     absent = (not miss) & (rays.depth[lane] == 1) & (largest(rays.hit.emission[lane]) > zero)
-    rays.absent[lane] = absent
+    rays.crossing.absent[lane] = absent
     return absent
 
 
@@ -237,7 +237,7 @@ def _is_absent(rays, lane, miss, zero):
 def _from_last_vertex(rays, lane, o, d, t, transparent):
     """Origin and length of the way to a hit, those of the ray unless null lobes were crossed."""
     if transparent:
-        return o - d * rays.crossed[lane], t + rays.crossed[lane]
+        return o - d * rays.crossing.way[lane], t + rays.crossing.way[lane]
     return o, t
 
 
@@ -245,7 +245,7 @@ def _from_last_vertex(rays, lane, o, d, t, transparent):
 def _hide_environment(rays, none):
     """Where null lobes alone lie between it and the camera."""
     for lane in range(np.uint64(LANES)):
-        unseen = rays.hit.miss[lane] & ((rays.dimension[lane] == CAMERA_DIMENSIONS) | (not rays.scattered[lane]))
+        unseen = rays.hit.miss[lane] & ((rays.dimension[lane] == CAMERA_DIMENSIONS) | (not rays.crossing.scattered[lane]))
         rays.hit.emission[lane] = select(unseen, none, rays.hit.emission[lane])
 
 
