@@ -4,6 +4,7 @@ import re
 from functools import partial
 from pathlib import Path
 
+import batch
 import columns
 import command_line
 import library
@@ -12,6 +13,7 @@ import reports
 import schemas
 
 MAKERS = {
+    "batch": batch.fields,
     "command line": command_line.text,
     "columns": columns.text,
     "experiment": schemas.experiment,
