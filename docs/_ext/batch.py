@@ -34,7 +34,7 @@ def writers() -> dict[str, set[str]]:
             names = {_field(target) for node in nodes for target in _targets(node)}
             names |= {str(node.value).partition(".")[0] for node in nodes if isinstance(node, ast.Constant)}
             for name in names & RayBatch.fields.keys():
-                found[name].add(module)
+                found[name].add(path.relative_to(ROOT).with_suffix("").as_posix())
     return found
 
 

@@ -61,7 +61,7 @@ def make_idle(rays, lane, sample):
     rays.sample[lane] = sample
     rays.dimension[lane] = 0
     rays.depth[lane] = 1
-    rays.light[lane] = 0
+    rays.light_index[lane] = 0
     rays.done[lane] = False
     rays.t[lane] = -1.0
     rays.shadow.t_max[lane] = -1.0

@@ -215,7 +215,7 @@ class RayBatch(LaneRecord):
     radiance = vector()
     pdf = real()  # of the last scattering, per solid angle; inf after a specular one and from the camera
     cosine_pdf = real()  # of the last direction under the cosine rule
-    light = integer()  # index of the light, for integrators that visit all
+    light_index = integer()  # of the light, for integrators that visit all
     waiting = integer()  # rays on the lane's stack
 
     pixel_x = real()

@@ -137,7 +137,7 @@ def _make(ray: Any, normalised: bool, clipped: bool, real: Any) -> Any:
             rays.alive[lane] = True
             rays.origin_primitive[lane] = -1
             rays.depth[lane] = 1
-            rays.light[lane] = 0
+            rays.light_index[lane] = 0
             rays.waiting[lane] = 0
             rays.dimension[lane] = CAMERA_DIMENSIONS
 

@@ -50,7 +50,7 @@ def _make_choose(selection: Selection) -> Any:
         rest = np.float64(rays.draw[LIGHT, lane])
         chosen, n = np.int64(0), scene.n_lights
         if every:
-            chosen = np.int64(rays.light[lane])
+            chosen = np.int64(rays.light_index[lane])
         elif power:
             chosen, rest = _by_power(scene, n, rest)
             rays.light_inverse_pmf[lane] = scene.light_inverse_pmf[chosen]

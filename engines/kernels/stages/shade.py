@@ -260,9 +260,9 @@ def _store(rays, lane, before, result, crosses, null, n_lights, shading, left, s
     working, depth, si = before.working, before.depth, before.si
     light, per_vertex, stays = np.int64(0), np.int64(1), False
     if shading.every:
-        per_vertex, light = n_lights, np.int64(rays.light[lane])
+        per_vertex, light = n_lights, np.int64(rays.light_index[lane])
         stays = light + 1 < n_lights
-        rays.light[lane] = select(stays, light + 1, 0)
+        rays.light_index[lane] = select(stays, light + 1, 0)
     added = select(working & (light == 0), result.radiance, Vec3(real(0), real(0), real(0)))
     rays.radiance[lane] = rays.radiance[lane] + added
     offset = rays.hit.offset[lane]
