@@ -27,10 +27,7 @@ def writers() -> dict[str, set[str]]:
     found: dict[str, set[str]] = defaultdict(set)
     for place in PLACES:
         for path in [ROOT / place] if place.endswith(".py") else sorted((ROOT / place).glob("*.py")):
-            nodes, module = (
-                list(ast.walk(ast.parse(path.read_text("utf-8")))),
-                path.relative_to(ROOT).with_suffix("").as_posix(),
-            )
+            nodes = list(ast.walk(ast.parse(path.read_text("utf-8"))))
             names = {_field(target) for node in nodes for target in _targets(node)}
             names |= {str(node.value).partition(".")[0] for node in nodes if isinstance(node, ast.Constant)}
             for name in names & RayBatch.fields.keys():
