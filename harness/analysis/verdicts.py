@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 from harness.analysis import archived_verdicts
 from harness.analysis.archived_verdicts import FromImages
+from harness.analysis.axes import places
 from harness.analysis.baselines import engine_order, nearest_of_engine
 from harness.analysis.conduct import conduct_flags
 from harness.analysis.equivalence import Replicates, compared, engine_pairs, pictured_spp, shared_spp
@@ -37,7 +38,8 @@ def analyse(results: Results) -> Analysis:
     slope_of = slopes(results)
     measured = [contestant for contestant in results.contestants if contestant.done]
     closed: dict[Group, list[Contestant]] = {}
-    for contestant in measured:
+    written = places(results)
+    for contestant in sorted(measured, key=lambda c: written[c.settings]):  # of contestants as near the first as written counts
         if contestant.settings.division == "closed":
             closed.setdefault(group_of(contestant), []).append(contestant)
     found = {

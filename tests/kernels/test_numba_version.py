@@ -1,5 +1,7 @@
 """A version of Numba that the kernels were not tested with is refused in one sentence; other engines work."""
 
+import importlib
+import re
 import subprocess
 import sys
 import tomllib
@@ -11,6 +13,10 @@ import pytest
 from engines.errors import Unsupported
 from engines.kernels import compile as compile_room
 
+COMPILE = Path(compile_room.__file__).parent
+PRIVATE_NAME = re.compile(r"(?<!self)(?<!cls)\._[a-z]\w*")
+OURS_OR_OBJECTS = {"_fields", "_replace", "_exit", "_cache", "_tm", "_finalized", "_defn"}
+"""Of NamedTuples and `os`; and attributes that objects of Numba have, and its classes not."""
 ROOT = Path(__file__).resolve().parents[2]
 FIRST, LAST = (f"{major}.{minor}" for major, minor in (compile_room.OLDEST, compile_room.NEWEST))
 BEYOND = f"{compile_room.NEWEST[0]}.{compile_room.NEWEST[1] + 1}"
@@ -51,3 +57,18 @@ def test_tested_versions_are_taken(monkeypatch, version):
 def test_the_package_asks_for_the_tested_versions():
     wanted = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["dependencies"]
     assert f"numba>={FIRST},<{BEYOND}" in wanted
+
+
+@pytest.mark.parametrize("place", compile_room.PRIVATE)
+def test_what_is_used_of_numbas_private_parts_is_there(place):
+    module, _, names = place.partition(":")
+    found = importlib.import_module(module)
+    for name in names.split("."):
+        assert hasattr(found, name), f"numba {numba.__version__} has no {place}: {compile_room.PRIVATE[place]}"
+        found = getattr(found, name)
+
+
+def test_every_private_name_of_numba_in_the_sources_is_listed():
+    used = {name[1:] for path in COMPILE.glob("*.py") for name in PRIVATE_NAME.findall(path.read_text())}
+    listed = {place.rpartition(".")[2].rpartition(":")[2] for place in compile_room.PRIVATE}
+    assert {name for name in used if not name.startswith("__")} - OURS_OR_OBJECTS <= listed
