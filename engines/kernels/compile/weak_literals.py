@@ -1,8 +1,8 @@
 """Float literals that take the type of what they meet: `2.0 * x` is float32 where x is.
 
 Numba reads a bare literal as float64, and so would turn float32 arithmetic into float64. A pass over Numba's untyped code makes
-each float constant (a literal, `math.pi`, a global, a number that a factory closes over) one of the type `WeakFloat`, which
-every float type may take. Constants among themselves are computed in float64, as Python does.
+each float constant (a literal, `math.pi`, a global) one of the type `WeakFloat`, which every float type may take. Constants
+among themselves are computed in float64, as Python does. A number that a factory closes over has a type already.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ _FOLDED = {operator.add, operator.sub, operator.mul, operator.truediv, operator.
 
 def _value(right: Any, known: dict[str, Any]) -> Any:
     """The value of the right side of an assignment where it is a constant, a module or an attribute of one; else None."""
-    if isinstance(right, (ir.Const, ir.Global, ir.FreeVar)):
+    if isinstance(right, (ir.Const, ir.Global)) or (isinstance(right, ir.FreeVar) and type(right.value) is not float):
         return right.value
     if not isinstance(right, ir.Expr):
         return None

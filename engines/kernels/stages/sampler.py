@@ -98,10 +98,10 @@ def _of_plugin(function: Any, options: tuple[float, ...], real: Any) -> Any:
     @inline
     def value(rays, lane, k, seed_key, option):
         dimension, sample, pixel = rays.dimension[lane], rays.sample[lane], rays.pixel[lane]
-        u = drawn(np.uint32(pixel), np.uint32(sample), np.uint32(dimension + k), seed_key)
+        u = const(drawn(np.uint32(pixel), np.uint32(sample), np.uint32(dimension + k), seed_key), option)  # in float64
         # draws become places in tables, so one that is not in [0, 1), NaN among them, must not get through
         u = u if u >= 0.0 else 0.0
-        return real(min(u, 1.0 - const(2.0**-24, u)))
+        return real(min(u, 1.0 - 2.0**-24))
 
     return value
 

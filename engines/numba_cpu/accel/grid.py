@@ -256,7 +256,7 @@ def _walk(ray, t, left, scene, grid, triangles, spheres, analytic, distance_to_a
 @inline
 def _no_distance(scene, i, o, d):
     """Where there are no analytic shapes."""
-    return np.inf
+    return np.float64(np.inf)
 
 
 def _make(triangles: bool, spheres: bool, planes: bool, analytic: tuple[int, ...], shadow: bool, real: Any) -> Any:
