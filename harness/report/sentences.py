@@ -195,7 +195,7 @@ def _at_easier_target(analysis: Analysis, row: Any, every: Frame) -> str:
         for found in same[same.measure == measure_of(target)].itertuples():
             if 0 < found.ratio < math.inf and not math.isnan(found.ratio_low):
                 unless = "" if found.verdict in ("faster", "slower", "same") else ", not separated,"
-                return f"{target:g} in {_share(found)} ({_interval(found)}){unless} on {row.scene}"
+                return f"{target:g} in {_share(found)} ({_interval(found)}){unless} on {_place(row)}"
     return ""
 
 

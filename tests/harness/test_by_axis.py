@@ -67,6 +67,11 @@ def test_an_option_of_a_choice_is_an_axis(tmp_path):
     assert set(analysis.by_axis.axis) == {"light_sampler"}
 
 
+def test_an_image_is_not_compared_with_that_of_another_option_of_the_same_engine(tmp_path):
+    analysis = analyse(results(tmp_path, by_light("bvh", 0.02), by_light("power", 0.01)))
+    assert [verdict.image_baseline for verdict in analysis.verdicts if not verdict.contestant.settings.label] == [None, None]
+
+
 def test_an_option_with_the_name_of_a_setting_is_an_axis_of_its_own(tmp_path):
     """So is one that another choice has, too."""
 
