@@ -219,13 +219,13 @@ class Renderer:
         jobs["camera"] = lambda: camera.stage(self._scene.camera, real)
         compile_jobs([self._compile_driver, *jobs.values()])
         made = {names: job() for names, job in jobs.items()}
-        self._kept = made  # machine code lives as long as its stage
         self._bsdfs = np.array([stage.address for stage in made["bsdfs"]], np.int64)
-        addresses: dict[str, int] = {}
+        stages: dict[str, Any] = {}
         for names in jobs.keys() - {"bsdfs"}:
             several = made[names] if isinstance(made[names], tuple) else (made[names],)
-            addresses |= {name: stage.address for name, stage in zip(names.split(), several, strict=True)}
-        self._stages = driver.Stages(**addresses)
+            stages |= zip(names.split(), several, strict=True)
+        self._kept = [*stages.values(), *made["bsdfs"]]  # machine code lives as long as its stage
+        self._stages = driver.Stages(**{name: stage.address for name, stage in stages.items()})
         per_vertex = max(int(self._flat.table[SceneTable.n_lights.first]), 1) if shading.every else 1
         self._plan = driver.Plan(shading.branches, per_vertex, shade.last_depth(self.settings.shader, features))
 

@@ -23,20 +23,19 @@ def Li_without_shadows(context: Context, origin: Array, direction: Array, pixel:
     total = _environment_where_missed(context, direction, hits)
     arrived = np.flatnonzero(hits.primitive_id >= 0)
     at = _surface(context, origin, direction, hits, arrived)
-    total[:, arrived] = _local(context, at, pixel[arrived], sample, depth=1, shadows=False)
+    emitted, at = context.materials.emitted(at), _walked(context, at, pixel[arrived], sample, depth=1)
+    total[:, arrived] = emitted + _local(context, at, pixel[arrived], sample, depth=1, shadows=False)
     return total
 
 
 def _base(context: Context, depth: int, light: int) -> int:
-    """The first dimension of a light's sample at a vertex, which also has the draw that walks wrappers."""
+    """The first dimension of a light's sample at a vertex; that of the first light also has the draw that walks wrappers."""
     return 2 + 8 * ((depth - 1) * max(context.lights.count, 1) + light)
 
 
-def _walked(
-    context: Context, at: SurfaceInteraction, pixel: Indices, sample: int, depth: int, light: int
-) -> SurfaceInteraction:
-    """The points as their BSDFs see them, by the draw of a light."""
-    return context.materials.walk(at, context.draw(pixel, sample, _base(context, depth, light) + LOBE))[0]
+def _walked(context: Context, at: SurfaceInteraction, pixel: Indices, sample: int, depth: int) -> SurfaceInteraction:
+    """The points as their BSDFs see them, by the draw of the first light."""
+    return context.materials.walk(at, context.draw(pixel, sample, _base(context, depth, 0) + LOBE))[0]
 
 
 def _traced(
@@ -56,9 +55,9 @@ def _traced(
         return total
     at = _surface(context, origin, direction, hits, arrived)
     pixel = pixel[arrived]
-    light = _local(context, at, pixel, sample, depth, shadows=True)
+    emitted, at = context.materials.emitted(at), _walked(context, at, pixel, sample, depth)
+    light = emitted + _local(context, at, pixel, sample, depth, shadows=True)
     if depth < context.options["max_depth"]:
-        at = _walked(context, at, pixel, sample, depth, max(context.lights.count - 1, 0))
         for lobe in (Lobes.SPECULAR_REFLECTION, Lobes.SPECULAR_TRANSMISSION):
             light += _through(context, at, pixel, sample, depth, lobe)
     total[:, arrived] = light
@@ -88,14 +87,13 @@ def _surface(context: Context, origin: Array, direction: Array, hits: Nearest, a
 
 
 def _local(context: Context, at: SurfaceInteraction, pixel: Indices, sample: int, depth: int, shadows: bool) -> Array:
-    """(3, n) emission, the ambient term, and one sample of every light through the lobes that are no deltas."""
-    emitted, first = context.materials.emitted(at), _walked(context, at, pixel, sample, depth, 0)
-    total = emitted + context.options["ambient"] * context.materials.diffuse(first)
-    for j in range(context.lights.count):
-        there = first if j == 0 else _walked(context, at, pixel, sample, depth, j)
-        lanes = np.flatnonzero(context.materials.has(there, Lobes.NON_SPECULAR))
-        if lanes.size:
-            total[:, lanes] += _lit(context, there.take(lanes), pixel[lanes], sample, _base(context, depth, j), j, shadows)
+    """(3, n) the ambient term, and one sample of every light through the lobes that are no deltas."""
+    total = context.options["ambient"] * context.materials.diffuse(at)
+    lanes = np.flatnonzero(context.materials.has(at, Lobes.NON_SPECULAR))
+    if lanes.size:
+        there = at.take(lanes)
+        for j in range(context.lights.count):
+            total[:, lanes] += _lit(context, there, pixel[lanes], sample, _base(context, depth, j), j, shadows)
     return total
 
 

@@ -39,6 +39,11 @@ IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 TURNED = (0.5, -1.5, 0.25, 2.0, 0.75, -0.125)
 
 
+NAMES = {name: f"hit.{name}" for name in ("front", "miss", "normal")}
+NAMES |= {name: f"wrapped.{name}" for name in ("untilted_normal", "outer_normal")}
+"""What fields are called in tests of several."""
+
+
 class Lanes:
     """Sixteen hits, by the names of `RayBatch`: (numbers, lanes) float64, or int64 of whole numbers and flags."""
 
@@ -50,7 +55,7 @@ class Lanes:
         self["direction"] = np.array([[0.6], [0.0], [-0.8]])
 
     def _rows(self, name):
-        field = RayBatch.field(name)
+        field = RayBatch.field(NAMES.get(name, name))
         rows = self.memory[field.first : field.first + field.n]
         return rows.view(np.int64) if field.kind in ("integer", "flag") else rows
 

@@ -34,12 +34,16 @@ def selected(x):
     return select(x > 0.25, x, 0.1) + select(x > 0.25, 0.1, x) + fma(x, 2.0, 0.1) + max(x, 0.1) + min(0.1, x)
 
 
+def folded(x):
+    return x * math.sqrt(2.0) + math.log(2.0) * x
+
+
 def in_a_vector(x):
     v = Vec3(-x, x, 0.1) * (2.0 * math.pi)
     return v.x + v.y + v.z
 
 
-@pytest.mark.parametrize("function", [arithmetic, accumulated, selected, in_a_vector])
+@pytest.mark.parametrize("function", [arithmetic, accumulated, selected, folded, in_a_vector])
 @pytest.mark.parametrize("real", [np.float32, np.float64])
 def test_literals_do_not_change_the_type_of_arithmetic(function, real):
     jitted = compiled(function)
@@ -62,7 +66,7 @@ def test_literals_that_only_meet_at_run_time_are_refused():
         one = 1.0 if c else 2.0
         return one * one
 
-    with pytest.raises(TypingError, match="both operands are float literals"):
+    with pytest.raises(TypingError, match="all operands are float literals"):
         compiled(both)(True)
 
 

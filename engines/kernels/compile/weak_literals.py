@@ -7,6 +7,7 @@ among themselves are computed in float64, as Python does. A number that a factor
 
 from __future__ import annotations
 
+import math
 import operator
 from types import ModuleType
 from typing import Any
@@ -78,6 +79,7 @@ def _constant(context: Any, builder: Any, kind: Any, value: Any) -> Any:
     return context.get_constant(types.float64, float(value))
 
 
+_FUNCTIONS = [function for function in vars(math).values() if callable(function)]
 _FOLDED = {operator.add, operator.sub, operator.mul, operator.truediv, operator.pow}
 
 
@@ -89,6 +91,9 @@ def _value(right: Any, known: dict[str, Any]) -> Any:
         return None
     if right.op == "getattr" and isinstance(known.get(right.value.name), ModuleType):
         return getattr(known[right.value.name], right.attr, None)
+    if right.op == "call" and known.get(right.func.name) in _FUNCTIONS:
+        values = [known.get(part.name) for part in right.args]
+        return known[right.func.name](*values) if all(map(_is_float, values)) else None
     if right.op == "unary" and right.fn is operator.neg and _is_float(known.get(right.value.name)):
         return -known[right.value.name]
     if right.op == "binop" and right.fn in _FOLDED:
@@ -122,13 +127,12 @@ class WeakLiterals(FunctionPass):
             for statement in body:
                 if isinstance(statement, ir.Assign):
                     right = statement.value
-                    if isinstance(right, ir.Expr) and right.op == "call":
+                    value = known[statement.target.name] = _value(right, known)
+                    if _is_float(value):
+                        literals[statement.target.name] = statement
+                        statement.value = ir.Const(Weak(value), statement.loc)
+                    elif isinstance(right, ir.Expr) and right.op == "call":
                         _type_arguments(block, statement, known.get(right.func.name), literals)
-                    else:
-                        value = known[statement.target.name] = _value(right, known)
-                        if _is_float(value):
-                            literals[statement.target.name] = statement
-                            statement.value = ir.Const(Weak(value), statement.loc)
                 block.body.append(statement)
         return True
 
@@ -170,10 +174,12 @@ class NoLiteralPairs(FunctionPass):
 
     def run_pass(self, state: Any) -> bool:
         for expression in state.calltypes:
-            if isinstance(expression, ir.Expr) and expression.op in ("binop", "inplace_binop"):
-                kinds = {state.typemap[part.name] for part in (expression.lhs, expression.rhs)}
-                if kinds == {WEAK}:
-                    raise TypingError("both operands are float literals: give one of them a type", expression.loc)
+            if not isinstance(expression, ir.Expr) or expression.op not in ("binop", "inplace_binop", "call"):
+                continue
+            parts = expression.args if expression.op == "call" else (expression.lhs, expression.rhs)
+            ours = expression.op == "call" and not isinstance(state.typemap[expression.func.name], types.Function)
+            if not ours and parts and {state.typemap[part.name] for part in parts} == {WEAK}:
+                raise TypingError("all operands are float literals: give one of them a type", expression.loc)
         return False
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.kernels.compile.jit import compile_stage, inline
+from engines.kernels.compile.values import const
 from engines.kernels.lane import camera as lane_camera
 from engines.kernels.lane.vector import Vec3, dot, to_real, unit
 from engines.kernels.layout import CAMERA_DIMENSIONS, LANES, CameraRow, ray_batch, scene_table
@@ -104,8 +105,9 @@ def _of_plugin(function: Any, options: tuple[float, ...]) -> Any:
     @inline
     def of_pixel(camera, x, y, draw, lane):
         o = function(x, y, camera.width, camera.height, options)
-        eye = camera.eye
-        return Vec3(o[0] + eye.x, o[1] + eye.y, o[2] + eye.z), Vec3(o[3], o[4], o[5])
+        eye = camera.eye  # in float64, as what the function gives is from here on
+        direction = Vec3(const(o[3], eye.x), const(o[4], eye.x), const(o[5], eye.x))
+        return Vec3(o[0] + eye.x, o[1] + eye.y, o[2] + eye.z), direction
 
     return of_pixel
 
