@@ -22,8 +22,7 @@ from engines.kernels.lane.lights.sample import LightSample
 from engines.kernels.lane.sampling import cosine_direction, cosine_pdf, power_heuristic
 from engines.kernels.lane.vector import Vec3, cross, dot, largest, length, tangents, total, unit
 
-select3 = select
-"""The former name of `select` where it chooses vectors."""
+select3 = select  # the former name, where it chooses vectors
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +158,6 @@ __all__ = [
     "reflect",
     "refract",
     "select",
-    "select3",
     "tangents",
     "total",
     "unit",

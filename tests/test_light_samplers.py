@@ -180,7 +180,7 @@ def test_lights_are_chosen_as_often_as_their_probability_says(name, opaque):
         assert np.abs(seen - probability).max() <= intervals / steps
         assert probability.sum() + (found.light < 0).mean() == pytest.approx(1.0, abs=count / steps)
         chosen = found.light >= 0
-        assert np.allclose(1.0 / found.choices[chosen], probability[found.light[chosen]], rtol=1e-9)
+        assert np.allclose(1.0 / found.inverse_pmf[chosen], probability[found.light[chosen]], rtol=1e-9)
 
 
 @pytest.mark.parametrize("opaque", [True, False])

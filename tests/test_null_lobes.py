@@ -176,7 +176,7 @@ def test_an_update_without_emitters_hides_nothing():
     renderer = engines.engine("numba").prepare(scene, settings)
     renderer.update(shapes=scene.shapes[1:])
     row = 4 * LANES  # bytes of one number a lane
-    renderer._memory[0][RayBatch.absent.first * row :][:row] = 1
+    renderer._memory[0][RayBatch.field("crossing.absent").first * row :][:row] = 1
     fresh = engines.engine("numba").prepare(replace(scene, shapes=scene.shapes[1:]), settings)
     assert np.array_equal(renderer.render(4).sums, fresh.render(4).sums)
 
