@@ -46,9 +46,10 @@ def engine_order(results: Results) -> list[str]:
 
 
 def nearest_of_engine(contestant: Contestant, group: Iterable[Contestant], engine: str) -> Contestant | None:
-    """The engine's contestant that shares the most settings: whose image is compared."""
+    """The engine's contestant that shares the most settings, options of the shader first: whose image is compared."""
     same = [c for c in group if c.settings.engine == engine and not c.settings.label]
-    return max(same, key=lambda c: similarity(contestant, c), default=None)
+    shader = contestant.settings.shader
+    return max(same, key=lambda c: (c.settings.shader == shader, similarity(contestant, c)), default=None)
 
 
 class Baselines:

@@ -22,7 +22,7 @@ from harness.statistics.equivalence import shared_alpha
 from harness.store.records import Cell, Point, Settings
 from harness.store.results import Contestant, Results
 
-SIMILARITY_WEIGHTS = {"shader": 32, "sampler": 16, "threads": 8, "accelerator": 4, "precision": 2, "label": 1}
+SIMILARITY_WEIGHTS = {"sampler": 16, "threads": 8, "accelerator": 4, "precision": 2, "label": 1}
 """What counts how much when the nearest relative among another engine's contestants is looked for."""
 Images = Mapping[int, np.ndarray]
 
