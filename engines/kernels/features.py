@@ -88,15 +88,10 @@ class FeatureReader:
         self.read[name] = value = getattr(self._features, name)
         return value
 
-    @property
-    def plain(self) -> SceneFeatures:
-        """The features themselves, of which nothing is noted."""
-        return plain(self._features)
-
 
 def plain(features: Any) -> SceneFeatures:
-    """The features behind a reader."""
-    return features.plain if isinstance(features, FeatureReader) else features
+    """The features behind a reader, which notes nothing then."""
+    return features._features if isinstance(features, FeatureReader) else features
 
 
 def per_features(make: Any) -> Any:

@@ -33,7 +33,7 @@ class Layout:
     def __init_subclass__(cls) -> None:
         cls.fields = {name: value for name, value in vars(cls).items() if isinstance(value, Field)}
         for name, value in cls.fields.items():
-            value.call(name)
+            value.set_name(name)
 
 
 class Field:
@@ -45,11 +45,11 @@ class Field:
         self.record: Any = None
         self.parts: dict[str, Field] = {}
 
-    def call(self, name: str) -> None:
+    def set_name(self, name: str) -> None:
         """Gives the field its name, and its parts theirs, such as `hit.point`."""
         self.name = name
         for part, field in self.parts.items():
-            field.call(f"{name}.{part}")
+            field.set_name(f"{name}.{part}")
 
     def place(self, first: int) -> int:
         """Puts the field at number `first` of a lane; returns the number behind it."""

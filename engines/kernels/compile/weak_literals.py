@@ -31,7 +31,7 @@ class Weak(float):
 
 
 class WeakFloat(types.Type):
-    """Its type."""
+    """The type of a weak literal, in whose place stands that of a float beside it."""
 
     def __init__(self) -> None:
         super().__init__("weak float")
