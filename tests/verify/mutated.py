@@ -126,15 +126,15 @@ FAULTS = [
     Fault(
         "light chosen by power, divided by the even probability",
         "light_samplers/plain.py",
-        "light, u), self._choices[light])",
-        "light, u), np.full(u.size, float(self._choices.size)))",
+        "light, u), self._inverse_pmf[light])",
+        "light, u), np.full(u.size, float(self._inverse_pmf.size)))",
         "pick",
     ),
     Fault(
         "light found by scattering, weighted by the even probability",
         "light_samplers/plain.py",
-        "        return self._choices[light]",
-        "        return np.full(light.size, float(self._choices.size))",
+        "    def inverse_pmf(self, light: Indices, point: Array, geometric: Array) -> Array:\n        return self._inverse_pmf[light]",
+        "    def inverse_pmf(self, light: Indices, point: Array, geometric: Array) -> Array:\n        return np.full(light.size, float(self._inverse_pmf.size))",
         "pick",
     ),
     Fault(
