@@ -3,7 +3,19 @@
 Roughnesses start at 0.02, as far as float32 carries them. Colours and numbers are constants.
 """
 
-from engines.scene import BLACK, WHITE, Conductor, Dielectric, Diffuse, Mixture, Null, Plastic, Principled, ThinDielectric
+from engines.scene import (
+    BLACK,
+    WHITE,
+    Conductor,
+    Dielectric,
+    Diffuse,
+    Mixture,
+    Null,
+    Plastic,
+    Principled,
+    Sheen,
+    ThinDielectric,
+)
 from engines.scene.metals import METALS
 
 AMBER, TEAL, ROSE = (0.9, 0.55, 0.1), (0.05, 0.5, 0.6), (0.8, 0.2, 0.35)
@@ -69,6 +81,7 @@ PRINCIPLED = [
     Principled(BLACK, 0.6, sheen=1.0, sheen_tint=1.0, spec_tint=1.0, clearcoat=0.7, clearcoat_gloss=0.1),
     Principled(AMBER, 0.3, metallic=0.5, eta=1.0, spec_tint=0.5, clearcoat=0.5),
 ]
+SHEENS = [Sheen(), Sheen((0.4, 0.4, 0.4)), Sheen(TEAL)]
 MIXTURES = [
     Mixture((0.6, 0.5, 0.4)),
     Mixture((0.3, 0.2, 0.1), (0.4, 0.3, 0.5), (0.3, 0.3, 0.2), 1.5, True),
@@ -91,5 +104,6 @@ BY_MODEL = {
     "smooth plastic": SMOOTH_PLASTICS,
     "rough plastic": ROUGH_PLASTICS,
     "principled": PRINCIPLED,
+    "sheen": SHEENS,
     "smooth": SMOOTH,
 }

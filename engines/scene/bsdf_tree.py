@@ -10,9 +10,9 @@ from dataclasses import fields, is_dataclass
 from typing import Any
 
 from engines.scene.bsdf import INNER, Bsdf, Bump, Mask, NormalMap, Wrapper, children
-from engines.scene.models import Conductor, CustomBSDF, Dielectric, Diffuse, Mixture, Null, Plastic, Principled, ThinDielectric
+from engines.scene.models import Conductor, CustomBSDF, Dielectric, Null, Principled, ThinDielectric
 from engines.scene.textures import Color, Number, Texture, largest
-from engines.scene.triple import BLACK, WHITE
+from engines.scene.triple import BLACK
 
 
 def members(bsdf: Bsdf | None) -> Iterator[Bsdf]:
@@ -43,13 +43,7 @@ def leaves(bsdf: Bsdf | None) -> list[Bsdf | None]:
 
 def transmission(leaf: Bsdf) -> Color | Number | None:
     """The factor of what a model lets through, a colour or a number; None where it is not known."""
-    if isinstance(leaf, Mixture):
-        return leaf.kt
-    if isinstance(leaf, Principled):
-        return leaf.spec_trans
-    if isinstance(leaf, Diffuse | Conductor | Plastic):
-        return BLACK
-    return WHITE if isinstance(leaf, Dielectric | ThinDielectric | Null) else None
+    return getattr(leaf, "transmission", None)
 
 
 def is_opaque(bsdf: Bsdf) -> bool:

@@ -11,7 +11,18 @@ from dataclasses import dataclass
 from enum import Enum, auto
 from typing import Any
 
-from engines.scene.models import IORS, PLASTIC_IORS, Conductor, Dielectric, Diffuse, Null, Plastic, Principled, ThinDielectric
+from engines.scene.models import (
+    IORS,
+    PLASTIC_IORS,
+    Conductor,
+    Dielectric,
+    Diffuse,
+    Null,
+    Plastic,
+    Principled,
+    Sheen,
+    ThinDielectric,
+)
 from engines.scene.textures import Texture
 from engines.scene.triple import WHITE
 
@@ -49,7 +60,7 @@ class LeafField:
     name: str
     """Of the field of the dataclass in `engines.scene.models`."""
     kind: Kind
-    parameter: str
+    parameter: str = ""
     """Its name in Mitsuba. `IOR` and `ROUGHNESSES` have other parameters besides."""
     default: Any = None
     """The value that Mitsuba takes if a file does not give the parameter. None if that depends on other parameters."""
@@ -67,30 +78,31 @@ class LeafField:
 
 @dataclass(frozen=True, slots=True)
 class LeafPlugin:
-    """One model: its `key` in scene files and its `plugin` in Mitsuba, or the plugins for smooth and for `rough` surfaces.
+    """One model: its `key` in scene files and its `plugin` in Mitsuba, or the plugins for smooth and for `rough` surfaces. None
+    where Mitsuba has no such plugin.
 
     `fields` are in the order in which Mitsuba's parameters are written.
     """
 
     key: str
-    plugin: str
+    plugin: str | None
     fields: tuple[LeafField, ...] = ()
     rough: str | None = None
 
     @property
     def plugins(self) -> tuple[str, ...]:
-        """The names of Mitsuba's plugins: `plugin`, and `rough` where there is one."""
-        return (self.plugin,) if self.rough is None else (self.plugin, self.rough)
+        """The names of Mitsuba's plugins: `plugin` and `rough`, where there are any."""
+        return tuple(name for name in (self.plugin, self.rough) if name is not None)
 
     def key_of(self, name: str) -> str:
         """The key that a field has in scene files. Raises StopIteration for fields that the model does not have."""
         return next(item.key or name for item in self.fields if item.name == name)
 
-    def fields_of(self, plugin: str) -> tuple[LeafField, ...]:
+    def fields_of(self, plugin: str | None) -> tuple[LeafField, ...]:
         """The fields that `plugin`, one of `plugins`, has as parameters."""
         return tuple(item for item in self.fields if plugin == self.rough or not item.of_rough)
 
-    def plugin_of(self, leaf: Any) -> str:
+    def plugin_of(self, leaf: Any) -> str | None:
         """The name of Mitsuba's plugin for a leaf: `rough` if the leaf has microfacets."""
         return self.rough if self.rough is not None and is_rough(leaf) else self.plugin
 
@@ -169,5 +181,6 @@ LEAF_PLUGINS: Mapping[type, LeafPlugin] = {
             _share("spec_trans"),
         ),
     ),
+    Sheen: LeafPlugin("sheen", None, (LeafField("color", Kind.COLOR),)),
     Null: LeafPlugin("null", "null"),
 }

@@ -1,4 +1,6 @@
-"""BSDF models that scatter light by themselves: what engines get of each, and beside it the keys of a scene file."""
+"""BSDF models that scatter light by themselves: what engines get of each, and beside it the keys of a scene file.
+
+`transmission` of each is BLACK, or 0, exactly where no light passes it."""
 
 from __future__ import annotations
 
@@ -16,7 +18,18 @@ from engines.schema.keys import Given, Key, Record
 from engines.schema.kinds import BOOLEAN, ContextKind, Kind, array_of, color, one_of, within
 from engines.schema.yaml_file import Located
 
-__all__ = ["Conductor", "CustomBSDF", "Dielectric", "Diffuse", "Mixture", "Null", "Plastic", "Principled", "ThinDielectric"]
+__all__ = [
+    "Conductor",
+    "CustomBSDF",
+    "Dielectric",
+    "Diffuse",
+    "Mixture",
+    "Null",
+    "Plastic",
+    "Principled",
+    "Sheen",
+    "ThinDielectric",
+]
 
 SMOOTHEST = 1e-4
 """The least roughness above 0, as in Mitsuba."""
@@ -82,6 +95,7 @@ class Conductor:
     alpha: tuple[Number, Number] = (0.0, 0.0)
     reflectance: Color = WHITE
     distribution: str = "ggx"
+    transmission = BLACK
 
     @property
     def albedo(self) -> Triple:
@@ -150,12 +164,18 @@ class Mixture:
     ior: float = 1.0
     fresnel: bool = False
 
+    @property
+    def transmission(self) -> Color:
+        """The factor of what passes the surface."""
+        return self.kt
+
 
 @dataclass(frozen=True, slots=True)
 class Diffuse:
     """Lambertian: f = reflectance / pi, on both sides."""
 
     reflectance: Color = (0.5, 0.5, 0.5)
+    transmission = BLACK
 
 
 DIFFUSE = Record(
@@ -177,6 +197,7 @@ class Dielectric:
     reflectance: Color = WHITE
     transmittance: Color = WHITE
     distribution: str = "ggx"
+    transmission = WHITE
 
 
 def _dielectric(given: Given, context: Any) -> Dielectric:
@@ -208,6 +229,7 @@ class ThinDielectric:
     ior: float = 1.5
     reflectance: Color = WHITE
     transmittance: Color = WHITE
+    transmission = WHITE
 
 
 THIN_DIELECTRIC = Record(
@@ -231,6 +253,7 @@ class Plastic:
     nonlinear: bool = False
     reflectance: Color = WHITE
     distribution: str = "ggx"
+    transmission = BLACK
 
 
 PLASTIC = Record(
@@ -266,6 +289,11 @@ class Principled:
     clearcoat_gloss: Number = 0.0
     flatness: Number = 0.0
     spec_trans: Number = 0.0
+
+    @property
+    def transmission(self) -> Number:
+        """The factor of what passes the surface."""
+        return self.spec_trans
 
 
 def principled_eta(specular: float, spec_trans: Number) -> float:
@@ -310,14 +338,32 @@ PRINCIPLED = Record(
 
 
 @dataclass(frozen=True, slots=True)
+class Sheen:
+    """The sheen of cloth at grazing angles (Burley 2012): f = color (1 - cos_d)^5 on both sides, cos_d the cosine between the
+    light's direction and the half vector."""
+
+    color: Color = WHITE
+    transmission = BLACK
+
+
+SHEEN = Record(
+    "The sheen of cloth at grazing angles, as principled has it, by itself: black where it is seen from above.",
+    {"color": Key(SHARE, "Colour of the sheen.", 1)},
+    lambda given, context: Sheen(**given.values),
+)
+
+
+@dataclass(frozen=True, slots=True)
 class Null:
     """Nothing: every ray goes straight on."""
+
+    transmission = WHITE
 
 
 NULL = Record("Nothing: every ray goes straight on.", {}, lambda given, context: Null())
 
 
-Leaf = Mixture | Diffuse | Conductor | Dielectric | ThinDielectric | Plastic | Principled | Null | CustomBSDF
+Leaf = Mixture | Diffuse | Conductor | Dielectric | ThinDielectric | Plastic | Principled | Sheen | Null | CustomBSDF
 LEAVES = {
     "diffuse": DIFFUSE,
     "conductor": CONDUCTOR,
@@ -325,6 +371,7 @@ LEAVES = {
     "thin_dielectric": THIN_DIELECTRIC,
     "plastic": PLASTIC,
     "principled": PRINCIPLED,
+    "sheen": SHEEN,
     "null": NULL,
     "plugin": PluginKind("BSDF", "A BSDF of one's own; loaded with --allow-imports alone.", CustomBSDF),
 }

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from engines.scene import Conductor, Dielectric, Diffuse, Plastic, Principled
+from engines.scene import Conductor, Dielectric, Diffuse, Plastic, Principled, Sheen
 from harness.verify.case import Array
 
 
@@ -170,6 +170,11 @@ def _principled(leaf: Principled, wo: Array, wi: Array, front: bool) -> Array:
     return np.where(wi[2] > 0, above, below)
 
 
+def _sheen(leaf: Sheen, wo: Array, wi: Array, front: bool) -> Array:
+    theta_d = np.arccos(np.clip(wo @ wi, -1.0, 1.0)) / 2
+    return _grey(leaf.color) * (1 - np.cos(theta_d)) ** 5 * np.maximum(wi[2], 0.0)
+
+
 def _grey(color: Any) -> float:
     assert color[0] == color[1] == color[2]
     return float(color[0])
@@ -189,6 +194,7 @@ FORMS: dict[type, Callable[[Any, Array, Array, bool], Array]] = {
     Dielectric: _dielectric,
     Plastic: _plastic,
     Principled: _principled,
+    Sheen: _sheen,
 }
 
 

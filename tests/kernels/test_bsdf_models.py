@@ -10,7 +10,7 @@ from scipy import stats
 from engines.kernels.flatten.materials import KINDS
 from engines.numpy_reference.bsdf import Lobes
 from engines.numpy_reference.materials import Materials
-from engines.scene import Conductor, CustomBSDF, Dielectric, Material, Mixture, Plastic, Principled
+from engines.scene import Conductor, CustomBSDF, Dielectric, Material, Mixture, Plastic, Principled, Sheen
 from tests.bsdf_parameter_sets import BY_MODEL
 from tests.kernels.bsdf_lanes import Lanes
 from tests.numpy_reference.bsdf_points import even_directions, points, polar, quadrature
@@ -39,10 +39,11 @@ ROUGH = {
     "paint": PAINT,
     "coated paint": replace(PAINT, clearcoat=0.8, clearcoat_gloss=0.2),
     "jelly": replace(PAINT, spec_trans=0.6),
+    "velvet": Sheen((0.9, 0.5, 0.1)),
     "coated jelly": replace(PAINT, spec_trans=0.6, clearcoat=0.8),
 }
 """A leaf of every variant of the code that has a value."""
-EXACT = {"kd", "metal", "beckmann metal", "glass", "beckmann glass", "varnish", "wax", "beckmann wax"}
+EXACT = {"kd", "metal", "beckmann metal", "glass", "beckmann glass", "varnish", "wax", "beckmann wax", "velvet"}
 """Those that make no energy: Disney's may."""
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from engines.numpy_reference.interaction import SurfaceInteraction
 from engines.numpy_reference.materials import Materials
 from engines.numpy_reference.vectors import cosine_hemisphere, dot
-from engines.scene import Conductor, CustomBSDF, Dielectric, Diffuse, Material, Null, Plastic, Principled, ThinDielectric
+from engines.scene import Conductor, CustomBSDF, Dielectric, Diffuse, Material, Null, Plastic, Principled, Sheen, ThinDielectric
 from tests.numpy_reference.small_scenes import material
 
 UP = np.array([[0.0], [0.0], [1.0]])
@@ -101,6 +101,7 @@ MODELS = {
     "paint": of(PAINT),
     "jelly": of(JELLY),
     "jelly from inside": of(JELLY),
+    "velvet": of(Sheen((0.9, 0.5, 0.1))),
     "plugin": Material("dust", bsdf=CustomBSDF(LommelSeeliger(), {"albedo": (0.9, 0.6, 0.3)})),
     "transmitting plugin": Material("paper", bsdf=CustomBSDF(Paper(), {"albedo": (0.9, 0.6, 0.3)})),
 }

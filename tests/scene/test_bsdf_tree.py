@@ -21,6 +21,7 @@ from engines.scene import (
     Null,
     Plastic,
     Principled,
+    Sheen,
     Sides,
     ThinDielectric,
 )
@@ -60,6 +61,7 @@ def test_members_stand_from_the_outside_in_and_leaves_once():
     ("bsdf", "opaque", "through"),
     [
         (Diffuse(), True, False),
+        (Sheen(), True, False),
         (Plastic(), True, False),
         (Mixture(kd=WHITE), True, False),
         (Mixture(kt=(0.0, 0.1, 0.0)), False, True),

@@ -53,7 +53,8 @@ def test_microfacets_choose_the_plugin_and_its_parameters(leaf, rough):
 
 
 def test_no_two_fields_of_a_model_share_a_parameter_in_mitsuba():
-    leaves = [leaf for each in vars(sets).values() if isinstance(each, list) for leaf in each if type(leaf) in LEAF_PLUGINS]
+    ours = {kind for kind, plugin in LEAF_PLUGINS.items() if plugin.plugin}
+    leaves = [leaf for each in vars(sets).values() if isinstance(each, list) for leaf in each if type(leaf) in ours]
     for leaf in leaves:
         assert material_lacks(Material("m", bsdf=leaf)) is None
         node = bsdf_node(leaf, Textures(Placing(lambda *_: "", lambda *_: {})))

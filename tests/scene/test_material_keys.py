@@ -21,6 +21,7 @@ from engines.scene import (
     Null,
     Plastic,
     Principled,
+    Sheen,
     Sides,
     ThinDielectric,
 )
@@ -67,6 +68,7 @@ def test_every_model_has_its_keys():
     assert bsdf(principled={"specular": 0}).eta == 1.0
     assert bsdf(principled={"specular": 0, "spec_trans": 0.5}).eta > 1.0
     assert [bsdf(principled={"eta": 1, "spec_trans": share}).eta for share in (0, 0.5)] == [1.0, 1.001]
+    assert bsdf(sheen={"color": 0.5}) == Sheen((0.5, 0.5, 0.5)) and bsdf(sheen={}) == Sheen()
     assert bsdf(null={}) == Null()
     assert bsdf(conductor={"reflectance": "tiles"}).reflectance == TILES
 

@@ -133,8 +133,8 @@ FAULTS = [
     Fault(
         "light found by scattering, weighted by the even probability",
         "light_samplers/plain.py",
-        "    def inverse_pmf(self, light: Indices, point: Array, geometric: Array) -> Array:\n        return self._inverse_pmf[light]",
-        "    def inverse_pmf(self, light: Indices, point: Array, geometric: Array) -> Array:\n        return np.full(light.size, float(self._inverse_pmf.size))",
+        "geometric: Array) -> Array:\n        return self._inverse_pmf[light]",
+        "geometric: Array) -> Array:\n        return np.full(light.size, float(self._inverse_pmf.size))",
         "pick",
     ),
     Fault(

@@ -12,7 +12,7 @@ from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten.lookups import Parameter, Table, color_parameters, number_parameter
 from engines.kernels.flatten.plugins import bsdf_functions, kind_of
 from engines.kernels.flatten.rough_coats import diffuse_reflectance, rough_coat
-from engines.kernels.lane.bsdf import conductor, dielectric, mixture, null, plastic, principled
+from engines.kernels.lane.bsdf import conductor, dielectric, mixture, null, plastic, principled, sheen
 from engines.kernels.lane.bsdf.interface import LaneBSDF
 from engines.kernels.lane.microfacet import BECKMANN, GGX
 from engines.scene import (
@@ -28,6 +28,7 @@ from engines.scene import (
     Number,
     Plastic,
     Principled,
+    Sheen,
     ThinDielectric,
 )
 from engines.scene.bsdf_tree import anisotropic
@@ -45,8 +46,9 @@ from engines.scene.support import option_numbers
     GGX_PLASTIC,
     BECKMANN_PLASTIC,
     PRINCIPLED,
+    SHEEN,
     NULL,
-) = range(12)
+) = range(13)
 SMOOTHEST = 1e-4
 """The least roughness that a texture gives."""
 
@@ -221,6 +223,7 @@ MODELS: dict[int, BSDFModel] = {
     GGX_PLASTIC: _matt_plastic(GGX),
     BECKMANN_PLASTIC: _matt_plastic(BECKMANN),
     PRINCIPLED: _fixed(_principled_parameters, _principled_features, range(principled.PARAMETERS), principled.make),
+    SHEEN: _fixed(lambda leaf: _colors(leaf.color), lambda leaf: {}, range(sheen.PARAMETERS), sheen.SHEEN),
     NULL: _fixed(lambda leaf: [], lambda leaf: {"specular_transmission": True}, (), null.NULL),
 }
 """By kind; those of plugins are added where a scene has them."""
@@ -288,6 +291,7 @@ KINDS: dict[type, Callable[[Any], int]] = {
     ThinDielectric: lambda leaf: THIN_DIELECTRIC,
     Plastic: _plastic_kind,
     Principled: lambda leaf: PRINCIPLED,
+    Sheen: lambda leaf: SHEEN,
     Null: lambda leaf: NULL,
     CustomBSDF: _plugin_kind,
 }

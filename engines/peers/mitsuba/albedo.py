@@ -26,6 +26,7 @@ from engines.scene import (
     Plastic,
     Principled,
     Scene,
+    Sheen,
     Sides,
     Texture,
     ThinDielectric,
@@ -82,6 +83,7 @@ COLORS: Mapping[type, tuple[str, ...]] = {
     ThinDielectric: ("transmittance",),
     Plastic: ("diffuse",),
     Principled: ("base_color",),
+    Sheen: ("color",),
 }
 """The fields of a leaf that hold colours of its albedo; of others none has one that counts."""
 

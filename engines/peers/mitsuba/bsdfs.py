@@ -15,7 +15,23 @@ from engines.peers.adapters.colors import largest, mirror_share, scaled
 from engines.peers.adapters.lacks import OUT_OF_RANGE, mixture_lacks, out_of_range
 from engines.peers.mitsuba.nodes import Node, rgb
 from engines.peers.mitsuba.textures import Textures
-from engines.scene import BLACK, Blend, Bsdf, Bump, Checkerboard, Dielectric, Diffuse, Mask, Material, Mixture, NormalMap, Sides
+from engines.scene import (
+    BLACK,
+    Blend,
+    Bsdf,
+    Bump,
+    Checkerboard,
+    Dielectric,
+    Diffuse,
+    Mask,
+    Material,
+    Mixture,
+    NormalMap,
+    Principled,
+    Sheen,
+    Sides,
+    Texture,
+)
 from engines.scene.bsdf import Wrapper, with_children
 from engines.scene.bsdf_tree import is_opaque, leaves, members, uses_uvs
 from engines.scene.leaf_fields import LEAF_PLUGINS, Kind, LeafField, is_rough
@@ -46,6 +62,8 @@ def _lacks(part: Bsdf) -> str | None:
         return mixture_lacks(part)
     if isinstance(part, Dielectric) and is_rough(part) and part.ior == 1.0:
         return "a rough dielectric of index 1"
+    if isinstance(part, Sheen) and (isinstance(part.color, Texture) or len(set(part.color)) > 1):
+        return "a sheen with a colour"
     if isinstance(part, Sides) and not all(side is None or is_opaque(side) for side in (part.front, part.back)):
         return "sides that transmit"
     return _tilt_lacks(part) if isinstance(part, TILTS) else None
@@ -136,6 +154,8 @@ def _one_sided(bsdf: Bsdf, textures: Textures) -> Node:
         return _blend(bsdf, textures, _one_sided)
     if isinstance(bsdf, TILTS):
         return _tilt(bsdf, textures, _one_sided)
+    if isinstance(bsdf, Sheen):  # the only part of principled that is left
+        bsdf = Principled(BLACK, eta=1.0, sheen=bsdf.color[0])  # type: ignore[index]
     return _mixture(bsdf, textures) if isinstance(bsdf, Mixture) else _leaf(bsdf, textures)
 
 
@@ -168,6 +188,7 @@ def _mirror(reflectance: Any, textures: Textures) -> Node:
 def _leaf(part: Bsdf, textures: Textures) -> Node:
     plugin = LEAF_PLUGINS[type(part)]
     kind = plugin.plugin_of(part)
+    assert kind is not None
     node: Node = {"type": kind}
     for item in plugin.fields_of(kind):
         node |= _parameters(item, getattr(part, item.name), textures)

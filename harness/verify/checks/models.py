@@ -30,6 +30,7 @@ from engines.scene import (
     Null,
     Plastic,
     Principled,
+    Sheen,
     Sides,
     ThinDielectric,
 )
@@ -65,6 +66,7 @@ MODELS: dict[str, Bsdf] = {
     "principled base": Principled(grey(0.6), 0.7, eta=1.4, flatness=0.4, sheen=0.5, spec_tint=0.3),
     "principled coat": Principled(grey(0.5), 0.6, 0.5, 0.4, clearcoat=1.0, clearcoat_gloss=0.1),
     "principled glass": Principled(grey(0.8), 0.6, eta=1.5, metallic=0.2, spec_trans=0.7),
+    "sheen": Sheen(grey(0.8)),
 }
 MATT, BLACK = Diffuse(grey(1)), Diffuse(grey(0))
 NORMAL, STEEP = (0.65, 0.4, 0.9), (0.3, 0.8, 0.85)
