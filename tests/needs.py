@@ -84,6 +84,12 @@ from harness.measure.run_queue import readable
 if sys.platform != "linux" or not readable():
     sys.exit("the kernel does not count what threads wait")
 """
+NVVM = """
+import sys
+from importlib.util import find_spec
+if find_spec("nvidia") is None or find_spec("nvidia.cuda_nvcc") is None or find_spec("numba.cuda") is None:
+    sys.exit("no nvidia-cuda-nvcc-cu12 is installed, or Numba has no numba.cuda")
+"""
 AVX2 = """
 import sys
 from engines.kernels.compile.processor import has_feature
@@ -106,6 +112,7 @@ NEEDS = {
     "unprivileged": UNPRIVILEGED,
     "run-queue": RUN_QUEUE,
     "avx2": AVX2,
+    "nvvm": NVVM,
 }
 FIXTURES = {"browser": "chromium"}
 """What tests need that ask for a fixture."""

@@ -17,7 +17,7 @@ RR_DEPTH, DIRECT_OPTION, LIGHT_CANDIDATES = 1, 2, 3
 @inline
 def _path_step(si, light, bsdf, draws, path, options, crosses):
     """One vertex. Where the sample `crosses` the surface, that is no vertex: depth and pdf stay, and there is no roulette."""
-    zero = const(0.0, si.t)
+    zero, depth = const(0.0, si.t), const(path.depth, si.t)
     none = Vec3(zero, zero, zero)
     max_depth, rr_depth, direct = options[MAX_DEPTH], options[RR_DEPTH], options[DIRECT_OPTION]
     use_light, use_bsdf = direct == LIGHT_ONLY, direct == BSDF_ONLY
@@ -29,7 +29,7 @@ def _path_step(si, light, bsdf, draws, path, options, crosses):
     radiance = path.throughput * si.emission * w
 
     sample = bsdf.sample
-    goes_on = (path.depth < max_depth) & (not si.miss)
+    goes_on = (depth < max_depth) & (not si.miss)
 
     # direct light
     w = power_heuristic(light.pdf, bsdf.pdf)
@@ -47,7 +47,7 @@ def _path_step(si, light, bsdf, draws, path, options, crosses):
     # roulette, as if refraction did not scale radiance
     survival = largest(throughput) * (path.eta_scale * bsdf.eta_scale)
     survival = select(survival < 0.95, survival, 0.95)
-    plays = (path.depth >= rr_depth) & (not crosses)
+    plays = (depth >= rr_depth) & (not crosses)
     alive = alive & ((draws.roulette < survival) | (not plays))
     throughput = throughput * select(plays, 1.0 / select(survival > zero, survival, 1.0), 1.0)
     return ScatterResult(

@@ -31,7 +31,7 @@ def whitted(si, light, bsdf, draws, path, options):
     reflection, transmission = bsdf.reflection, bsdf.transmission
     ks = path.throughput * reflection.weight.color * reflection.weight.scale
     kt = path.throughput * transmission.weight.color * transmission.weight.scale
-    deeper = (path.depth < options[MAX_DEPTH]) & (not si.miss)
+    deeper = (const(path.depth, si.t) < options[MAX_DEPTH]) & (not si.miss)
     reflects = deeper & reflection.valid & (total(ks) > 0.0) & (dot(si.geometric_normal, reflection.wi) > 0.0)
     side = dot(si.geometric_normal, transmission.wi)
     through = transmission.transmitted

@@ -98,7 +98,7 @@ SMOOTH = LaneBSDF(_evaluate_smooth, _pdf_smooth, _sample_smooth, _albedos)
 def _transmittance(tables, first, cos):
     """The coat's, between the nodes of its table. Lanes of other models, that run along, read within the tables, too."""
     last = const(NODES - 2, cos)
-    most = tables[0] - NODES
+    most = tables[0] - const(NODES, cos)
     first = select(first < most, first, most)
     first = select(first > 1.0, first, 1.0)
     x = select(cos < 1.0, cos, 1.0) * const(NODES - 1, cos)
@@ -127,7 +127,7 @@ def _make(distribution: Distribution, tangents: bool) -> LaneBSDF:
         pdf = p * density * visible_masking(wo, alpha, alpha) + (1.0 - p) * wi.z * (1.0 / math.pi)
         valid = (wo.z > 0.0) & (wi.z > 0.0)
         value = _reflectance(parameters) * coat + _base(parameters) * below
-        return Spectrum(value, select(valid, 1.0, 0.0)), select(valid, pdf, 0.0)
+        return Spectrum(value, select(valid, const(1.0, pdf), 0.0)), select(valid, pdf, 0.0)
 
     @inline
     def at_directions(parameters, si, wi):

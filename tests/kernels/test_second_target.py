@@ -1,0 +1,24 @@
+"""Lane functions and integrators do not depend on the machine that runs them: they compile for a GPU as they are."""
+
+import json
+import subprocess
+import sys
+
+from engines.kernels.flatten import lights, materials
+from tests.needs import needs
+
+
+@needs("nvvm")
+def test_lane_functions_and_integrators_compile_for_a_gpu_and_have_no_float64_of_their_own():
+    done = subprocess.run([sys.executable, "-m", "tests.kernels.second_target"], check=False, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr[-2000:]
+    found = json.loads(done.stdout)
+    assert {name.split(".")[0] for name in found} >= {
+        "path_tracer",
+        "whitted",
+        *(f"bsdf {kind}" for kind in materials.MODELS),
+        *(f"light {kind}" for kind, model in lights.MODELS.items() if model.sample),
+    }
+    wide = {name for name, code in found.items() if code["float64"]}
+    assert wide == {name for name in found if name.endswith("(float64)")}
+    assert all(code["instructions"] > 2 and code["calls"] == 0 for code in found.values()), found
