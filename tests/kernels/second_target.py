@@ -5,6 +5,7 @@ Numba's own `numba.cuda` compiles, with NVIDIA's library NVVM of the package `nv
 mapping: for each function how many instructions it has, how many of them are of float64, and how many are calls.
 """
 
+# ruff: noqa: E402
 import json
 import math
 import os
@@ -28,27 +29,27 @@ def folder() -> Path:
 
 os.environ["CUDA_HOME"] = str(folder())
 
-from numba import cuda, types  # noqa: E402
-from numba.core.typed_passes import NopythonTypeInference  # noqa: E402
-from numba.core.untyped_passes import IRProcessing  # noqa: E402
-from numba.cuda import compiler, dispatcher, libdevice  # noqa: E402
+from numba import cuda, types
+from numba.core.typed_passes import NopythonTypeInference
+from numba.core.untyped_passes import IRProcessing
+from numba.cuda import compiler, dispatcher, libdevice
 
 target = python_types.ModuleType(TARGET)
 target.sqrt, target.floor = math.sqrt, libdevice.floorf
 sys.modules[TARGET] = target
 
-from engines.kernels.compile.vec3 import Vec3  # noqa: E402
-from engines.kernels.compile.weak_literals import NoLiteralPairs, WeakLiterals  # noqa: E402
-from engines.kernels.features import SceneFeatures  # noqa: E402
-from engines.kernels.flatten import lights, materials  # noqa: E402
-from engines.kernels.integrators import aov, path_tracer, whitted  # noqa: E402
-from engines.kernels.integrators.interface import Draws, SurfaceInteraction  # noqa: E402
+from engines.kernels.compile.vec3 import Vec3
+from engines.kernels.compile.weak_literals import NoLiteralPairs, WeakLiterals
+from engines.kernels.features import SceneFeatures
+from engines.kernels.flatten import lights, materials
+from engines.kernels.integrators import aov, path_tracer, whitted
+from engines.kernels.integrators.interface import Draws, SurfaceInteraction
 from engines.kernels.integrators.interface import Path as RayPath
-from engines.kernels.lane import sampler, tilt  # noqa: E402
-from engines.kernels.lane.bsdf.interface import Scattering  # noqa: E402
-from engines.kernels.lane.lights.sample import Light, LightSample  # noqa: E402
-from engines.kernels.lane.shapes import plane, sphere, triangle  # noqa: E402
-from engines.kernels.layout import BSDF_PARAMETERS, LIGHT_PARAMETERS  # noqa: E402
+from engines.kernels.lane import sampler, tilt
+from engines.kernels.lane.bsdf.interface import Scattering
+from engines.kernels.lane.lights.sample import Light, LightSample
+from engines.kernels.lane.shapes import plane, sphere, triangle
+from engines.kernels.layout import BSDF_PARAMETERS, LIGHT_PARAMETERS
 
 CAPABILITY = (8, 0)
 REAL, WORD = types.float32, types.uint32

@@ -15,7 +15,7 @@ from engines.kernels import compile as compile_room
 
 COMPILE = Path(compile_room.__file__).parent
 PRIVATE_NAME = re.compile(r"(?<!self)(?<!cls)\._[a-z]\w*")
-OURS_OR_OBJECTS = {"_fields", "_replace", "_exit", "_cache", "_compiler", "_tm", "_finalized", "_defn"}
+OURS_OR_OBJECTS = {"_fields", "_replace", "_exit", "_cache", "_tm", "_finalized", "_defn"}
 """Of NamedTuples and `os`; and attributes that objects of Numba have, and its classes not."""
 ROOT = Path(__file__).resolve().parents[2]
 FIRST, LAST = (f"{major}.{minor}" for major, minor in (compile_room.OLDEST, compile_room.NEWEST))

@@ -13,7 +13,6 @@ OLDEST, NEWEST = (0, 67), (0, 68)
 
 PRIVATE = {
     "numba.core.dispatcher:Dispatcher._compile_for_args": "compilation that Python's calls set off is timed",
-    "numba.core.dispatcher:_FunctionCompiler._customize_flags": "an inlined function is not made into machine code",
     "numba.core.codegen:CPUCodegen._function_pass_manager": "loops are not unrolled before what they call is inlined",
     "numba.core.codegen:CPUCodeLibrary._optimize_final_module": "inlined code is optimised where it is inlined, only there",
     "numba.core.codegen:CPUCodeLibrary._finalize_final_module": "and is not linked",

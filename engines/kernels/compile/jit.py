@@ -92,6 +92,14 @@ def kernel(function: Callable[..., Any]) -> Any:
     return dispatcher
 
 
+class _InlineCompiler(WeakCompiler):
+    """Makes no machine code."""
+
+    def define_pipelines(self) -> list[Any]:
+        self.state.flags.no_compile = True
+        return super().define_pipelines()
+
+
 def inline(function: Callable[..., Any]) -> Any:
     """A jitted function of one lane, inlined into the loop over lanes so that the loop can become vector code.
 
@@ -99,12 +107,8 @@ def inline(function: Callable[..., Any]) -> Any:
     Python compiles the function once more.
     """
     dispatcher = numba.njit(
-        forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, pipeline_class=WeakCompiler, **OPTIONS
+        forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, pipeline_class=_InlineCompiler, **OPTIONS
     )(function)
-
-    def without_compilation(flags: Any) -> Any:
-        flags.no_compile = True
-        return flags
 
     def remember(compiled: Any) -> None:
         """Numba's own enters the function where Python looks for it, and a call from Python crashes."""
@@ -118,7 +122,6 @@ def inline(function: Callable[..., Any]) -> Any:
     def from_python() -> Any:
         return numba.njit(pipeline_class=WeakCompiler, **OPTIONS)(function)
 
-    dispatcher._compiler._customize_flags = without_compilation
     dispatcher.add_overload = remember
     dispatcher._compile_for_args = lambda *arguments, **named: from_python()._compile_for_args(*arguments, **named)
     return dispatcher
