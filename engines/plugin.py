@@ -18,7 +18,7 @@ from engines.kernels.compile.values import const, select
 from engines.kernels.integrators.interface import Draws, Path, ScatterResult, SurfaceInteraction, finish
 from engines.kernels.lane.bsdf.interface import BSDFSample, LaneBSDF, Scattering, Spectrum
 from engines.kernels.lane.fresnel import reflect, refract
-from engines.kernels.lane.lights.sample import LightSample
+from engines.kernels.lane.lights import LightSample
 from engines.kernels.lane.sampling import cosine_direction, cosine_pdf, power_heuristic
 from engines.kernels.lane.vector import Vec3, cross, dot, largest, length, tangents, total, unit
 

@@ -60,7 +60,7 @@ def make_idle(rays, lane, sample):
     rays.alive[lane] = False
     rays.sample[lane] = sample
     rays.dimension[lane] = 0
-    rays.depth[lane] = 1
+    rays.path.depth[lane] = 1
     rays.light_index[lane] = 0
     rays.done[lane] = False
     rays.t[lane] = -1.0
@@ -85,7 +85,7 @@ def _push(rays, stacks, lane, capacity):
     top.origin[lane] = rays.branch.origin[lane]
     top.direction[lane] = rays.branch.direction[lane]
     top.throughput[lane] = rays.branch.throughput[lane]
-    top.depth[lane] = rays.depth[lane]
+    top.depth[lane] = rays.path.depth[lane]
     top.origin_primitive[lane] = rays.origin_primitive[lane]
     rays.waiting[lane] = waiting + 1
     return True
@@ -98,9 +98,9 @@ def _pop(rays, stacks, lane, per_vertex):
     top = stacks[waiting]
     rays.origin[lane] = top.origin[lane]
     rays.direction[lane] = top.direction[lane]
-    rays.throughput[lane] = top.throughput[lane]
+    rays.path.throughput[lane] = top.throughput[lane]
     depth = top.depth[lane]
-    rays.depth[lane] = depth
+    rays.path.depth[lane] = depth
     rays.origin_primitive[lane] = top.origin_primitive[lane]
     rays.dimension[lane] = CAMERA_DIMENSIONS + VERTEX_DIMENSIONS * (depth - 1) * per_vertex
     rays.t[lane] = math.inf
@@ -231,7 +231,7 @@ def _some_scatter(rays, last_depth):
     """Whether some lane needs random numbers, a light sample and its BSDF."""
     lanes = np.int32(0)
     for lane in range(np.uint64(LANES)):
-        scatters = rays.alive[lane] & (not rays.hit.miss[lane]) & (np.int32(rays.depth[lane]) < last_depth)
+        scatters = rays.alive[lane] & (not rays.hit.miss[lane]) & (np.int32(rays.path.depth[lane]) < last_depth)
         lanes |= np.int32(1 if scatters else 0)
     return lanes != 0
 
@@ -247,7 +247,7 @@ def _cross_null_lobes(rays, stages, shadows, scene, real):
         walk.light_sample.distance[lane] = rays.light_sample.distance[lane]
         walk.shadow.destination[lane] = rays.shadow.destination[lane]
         walk.origin_primitive[lane] = rays.origin_primitive[lane]
-        walk.throughput[lane] = Vec3(one, one, one)
+        walk.path.throughput[lane] = Vec3(one, one, one)
     for _ in range(MOST_NULL_LOBES):
         lanes = positive_lanes(walk.t)
         if lanes == 0:
@@ -257,7 +257,7 @@ def _cross_null_lobes(rays, stages, shadows, scene, real):
         call_stage(stages.dark_surface, shadows, scene)
         call_stage(stages.transmit, shadows, scene)
     for lane in range(np.uint64(LANES)):
-        passed = select(walk.t[lane] > zero, Vec3(zero, zero, zero), walk.throughput[lane])
+        passed = select(walk.t[lane] > zero, Vec3(zero, zero, zero), walk.path.throughput[lane])
         rays.shadow.direct[lane] = rays.shadow.direct[lane] * passed
         rays.shadow.occluded[lane] = 0
     return traced

@@ -35,8 +35,9 @@ from engines.kernels.compile.records import (
     vectors,
 )
 from engines.kernels.compile.vec3 import Vec3
+from engines.kernels.integrators.interface import Path
 from engines.kernels.lane.bsdf.interface import Scattering
-from engines.kernels.lane.lights.sample import LightSample
+from engines.kernels.lane.lights import LightSample
 from engines.kernels.rows import (
     BSDF_PARAMETERS,
     LIGHT_PARAMETERS,
@@ -210,10 +211,8 @@ class RayBatch(LaneRecord):
     direction = vector()
     t = real()  # in: t_max, not above 0 for a lane without a ray; out: distance of the hit
     origin_primitive = integer()  # id of the flat primitive that the ray leaves, -1 for none
-    depth = integer()  # segments so far, 1 for the camera ray
-    throughput = vector()
+    path = record(Path)
     radiance = vector()
-    pdf = real()  # of the last scattering, per solid angle; inf after a specular one and from the camera
     cosine_pdf = real()  # of the last direction under the cosine rule
     light_index = integer()  # of the light, for integrators that visit all
     waiting = integer()  # rays on the lane's stack
@@ -265,7 +264,6 @@ class RayBatch(LaneRecord):
     scatter = record(Scattering)  # the BSDF at this vertex, where models have stages of their own
 
     wrapped = record(Wrapped)  # where the scene has masks, bump or normal maps; written by the material stage
-    eta_scale = real()  # the product of `Scattering.eta_scale` along the path, where BSDFs refract
     crossing = record(Crossing)  # where null lobes are crossed freely, or emitters hide from the camera
     guide = record(Guide)  # where paths are guided
     recorded = record(Recorded)

@@ -47,7 +47,7 @@ from engines.kernels.integrators.interface import Draws, SurfaceInteraction
 from engines.kernels.integrators.interface import Path as RayPath
 from engines.kernels.lane import sampler, tilt
 from engines.kernels.lane.bsdf.interface import Scattering
-from engines.kernels.lane.lights.sample import Light, LightSample
+from engines.kernels.lane.lights import Light, LightSample
 from engines.kernels.lane.shapes import plane, sphere, triangle
 from engines.kernels.layout import BSDF_PARAMETERS, LIGHT_PARAMETERS
 

@@ -8,8 +8,7 @@ from numba import njit
 
 import engines
 from engines.kernels.flatten.shapes import ANALYTIC
-from engines.kernels.lane.lights import cylinder as light
-from engines.kernels.lane.lights.sample import Light
+from engines.kernels.lane.lights import Light, sample_cylinder
 from engines.kernels.lane.shapes import cylinder
 from engines.kernels.lane.vector import Vec3
 from engines.scene import Cylinder
@@ -126,7 +125,7 @@ def _sampled(p, point, u0, u1):
     none = Vec3(0.0, 0.0, 0.0)
     lamp = Light((p[0], p[1], p[2], p[3], p[4], p[5], p[6], 0.0), Vec3(1.0, 1.0, 1.0), 1.0, none, none, none)
     for i in range(len(u0)):
-        at = light.sample(lamp, Vec3(point[0], point[1], point[2]), none, u0[i], u1[i])
+        at = sample_cylinder(lamp, Vec3(point[0], point[1], point[2]), none, u0[i], u1[i])
         result[i, 0], result[i, 1], result[i, 2] = at.wi.x, at.wi.y, at.wi.z
         result[i, 3], result[i, 4] = at.distance, at.pdf
     return result

@@ -76,6 +76,12 @@ class Sample(NamedTuple):
     weight: float
 
 
+@pytest.mark.parametrize("function", [lambda x: x + 1.0 / 0.0, lambda x: x + math.sqrt(-1.0)])
+def test_literals_without_a_value_in_python_are_refused(function):
+    with pytest.raises(TypingError, match="all operands are float literals"):
+        compiled(function)(np.float32(1))
+
+
 @pytest.mark.parametrize("real", [np.float32, np.float64])
 def test_a_literal_in_a_record_has_the_type_of_its_other_numbers(real):
     sample = compiled(lambda x: Sample(1, Vec3(x, 0.0, 1.0), weight=0.5))

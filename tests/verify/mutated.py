@@ -396,8 +396,8 @@ FAULTS = [
     Fault(
         "kernels: watertight edges made strict",
         "kernels/lane/shapes/triangle.py",
-        "(low >= zero) | (high <= zero)",
-        "(low > zero) | (high < zero)",
+        "(low >= 0.0) | (high <= 0.0)",
+        "(low > 0.0) | (high < 0.0)",
         "T4",
         "none",
     ),
@@ -427,19 +427,24 @@ FAULTS = [
     ),
     Fault(
         "kernels: point light without 1/d^2",
-        "kernels/lane/lights/point.py",
-        "scale = one / select(falloff",
-        "scale = one + const(0.0, falloff) * select(falloff",
+        "kernels/lane/lights.py",
+        "scale = 1.0 / select(falloff",
+        "scale = 1.0 + 0.0 * select(falloff",
         "d",
     ),
     Fault(
         "kernels: normal never turned to the viewer",
         "kernels/stages/surface.py",
-        "geometric = select3(front, found.normal, -found.normal)",
+        "geometric = select(front, found.normal, -found.normal)",
         "geometric = found.normal",
         "d",
     ),
 ]
+
+
+def source_of(fault):
+    """The file, below `SOURCES`, that a fault changes."""
+    return SOURCES / fault.file if fault.jitted else SOURCES / "numpy_reference" / fault.file
 
 
 def mutated(fault, folder):

@@ -12,7 +12,7 @@ import engines
 from harness.check_results import FAIL, PASS
 from harness.verify.subject import Subject
 from harness.verify.suite import CASES, run_case
-from tests.verify.mutated import FAULTS, mutated
+from tests.verify.mutated import FAULTS, mutated, source_of
 
 BY_ID = {case.id: case for case in CASES}
 
@@ -34,6 +34,12 @@ def _each(faults, name):
         pytest.param(fault, id=name(fault), marks=[pytest.mark.slow] if fault.jitted and fault.case != "S1" else [])
         for fault in faults
     ]
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name)
+def test_the_sources_hold_what_a_fault_changes(fault):
+    source = source_of(fault).read_text()
+    assert fault.before in source and fault.also[0] in source
 
 
 @pytest.mark.parametrize("fault", _each(FAULTS, lambda fault: fault.name))

@@ -92,14 +92,20 @@ def _value(right: Any, known: dict[str, Any]) -> Any:
     if right.op == "getattr" and isinstance(known.get(right.value.name), ModuleType):
         return getattr(known[right.value.name], right.attr, None)
     if right.op == "call" and known.get(right.func.name) in _FUNCTIONS:
-        values = [known.get(part.name) for part in right.args]
-        return known[right.func.name](*values) if all(map(_is_float, values)) else None
-    if right.op == "unary" and right.fn is operator.neg and _is_float(known.get(right.value.name)):
-        return -known[right.value.name]
+        return _folded(known[right.func.name], *(known.get(part.name) for part in right.args))
+    if right.op == "unary" and right.fn is operator.neg:
+        return _folded(operator.neg, known.get(right.value.name))
     if right.op == "binop" and right.fn in _FOLDED:
-        pair = known.get(right.lhs.name), known.get(right.rhs.name)
-        return right.fn(*pair) if all(map(_is_float, pair)) else None
+        return _folded(right.fn, known.get(right.lhs.name), known.get(right.rhs.name))
     return None
+
+
+def _folded(function: Any, *values: Any) -> Any:
+    """The function of literals, None where one is no literal or Python has no value."""
+    try:
+        return function(*values) if all(map(_is_float, values)) else None
+    except (ArithmeticError, ValueError):
+        return None
 
 
 def _is_float(value: Any) -> bool:

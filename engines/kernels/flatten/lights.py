@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from engines.kernels.flatten import shapes
 from engines.kernels.flatten.plugins import kind_of, light_sample
 from engines.kernels.flatten.programs import plain_emission
-from engines.kernels.lane.lights import constant_environment, cylinder, directional, disk, mesh, point, sphere, spot
+from engines.kernels.lane import lights as lane_lights
 from engines.kernels.layout import LightRow
 from engines.scene import (
     CustomLight,
@@ -51,15 +51,15 @@ class LightModel(NamedTuple):
 
 
 MODELS: dict[int, LightModel] = {
-    POINT: LightModel(point.sample, 4),
-    DIRECTIONAL: LightModel(directional.sample, 3),
-    CONSTANT_ENVIRONMENT: LightModel(constant_environment.sample, 0),
+    POINT: LightModel(lane_lights.sample_point, 4),
+    DIRECTIONAL: LightModel(lane_lights.sample_directional, 3),
+    CONSTANT_ENVIRONMENT: LightModel(lane_lights.sample_constant_environment, 0),
     IMAGE_ENVIRONMENT: LightModel(None, 0),
-    MESH: LightModel(mesh.sample, 1, mesh.pdf, shapes.TRIANGLE),
-    SPHERE: LightModel(sphere.sample, 4, sphere.pdf, shapes.SPHERE),
-    DISK: LightModel(disk.sample, 7, disk.pdf, shapes.DISK),
-    SPOT: LightModel(spot.sample, 8),
-    CYLINDER: LightModel(cylinder.sample, 7, cylinder.pdf, shapes.CYLINDER),
+    MESH: LightModel(lane_lights.sample_mesh, 1, lane_lights.mesh_pdf, shapes.TRIANGLE),
+    SPHERE: LightModel(lane_lights.sample_sphere, 4, lane_lights.sphere_pdf, shapes.SPHERE),
+    DISK: LightModel(lane_lights.sample_disk, 7, lane_lights.disk_pdf, shapes.DISK),
+    SPOT: LightModel(lane_lights.sample_spot, 8),
+    CYLINDER: LightModel(lane_lights.sample_cylinder, 7, lane_lights.cylinder_pdf, shapes.CYLINDER),
 }
 """By kind; those of plugins are added where a scene has them."""
 

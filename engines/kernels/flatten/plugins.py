@@ -11,7 +11,7 @@ from typing import Any
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import const, select
 from engines.kernels.lane.bsdf.interface import ALL, SPECULAR_REFLECTION, SPECULAR_TRANSMISSION, BSDFSample, LaneBSDF, Spectrum
-from engines.kernels.lane.lights.sample import LightSample
+from engines.kernels.lane.lights import LightSample
 from engines.kernels.lane.vector import dot
 
 FIRST_KIND, KINDS = 1 << 16, 1 << 20

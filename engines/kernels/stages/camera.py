@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from engines.kernels.compile.jit import compile_stage, inline
 from engines.kernels.compile.values import const
+from engines.kernels.integrators.interface import Path
 from engines.kernels.lane import camera as lane_camera
 from engines.kernels.lane.vector import Vec3, dot, to_real, unit
 from engines.kernels.layout import CAMERA_DIMENSIONS, LANES, CameraRow, ray_batch, scene_table
@@ -131,14 +132,12 @@ def _make(ray: Any, normalised: bool, clipped: bool, real: Any) -> Any:
                 end = real((camera.far - camera.near) * slope)
             rays.origin[lane] = to_real(origin, real)
             rays.direction[lane] = to_real(direction, real)
-            rays.throughput[lane] = Vec3(one, one, one)
+            rays.path[lane] = Path(Vec3(one, one, one), 1, infinite, one)
             rays.radiance[lane] = Vec3(zero, zero, zero)
             rays.t[lane] = end
-            rays.pdf[lane] = infinite
             rays.cosine_pdf[lane] = zero
             rays.alive[lane] = True
             rays.origin_primitive[lane] = -1
-            rays.depth[lane] = 1
             rays.light_index[lane] = 0
             rays.waiting[lane] = 0
             rays.dimension[lane] = CAMERA_DIMENSIONS

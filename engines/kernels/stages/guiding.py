@@ -182,7 +182,7 @@ def scattering_lanes(rays, max_depth):
     """The word of the lanes whose path goes on from a surface."""
     lanes = np.int64(0)
     for lane in range(np.uint64(LANES)):
-        scatters = rays.alive[lane] & (not rays.hit.miss[lane]) & (np.int64(rays.depth[lane]) < max_depth)
+        scatters = rays.alive[lane] & (not rays.hit.miss[lane]) & (np.int64(rays.path.depth[lane]) < max_depth)
         lanes |= np.int64(1 if scatters else 0) << np.int64(lane)
     return lanes
 
@@ -263,13 +263,13 @@ def _make_mix(masks: bool, lit: bool, real: Any) -> Any:
             rays.scatter.sample.weight.scale[lane] = scale
             rays.scatter.sample.pdf[lane] = select(specular, pdf, mixed)
             # the record
-            weight, depth = sample.weight.color * scale, np.int32(rays.depth[lane])
+            weight, depth = sample.weight.color * scale, np.int32(rays.path.depth[lane])
             side = dot(rays.hit.geometric_normal[lane], sample.wi)
             leaves = select(sample.transmitted, -side, side) > zero
             kept = ((lanes >> np.int64(lane)) & 1 != 0) & sample.valid & leaves & (not specular)
             kept = kept & (mixed > zero) & (largest(weight) > zero) & (depth <= np.int32(MOST_RECORDS))
             rays.recorded.vertex[lane] = select(kept, depth - np.int32(1), np.int32(-1))
-            rays.recorded.throughput[lane] = rays.throughput[lane]
+            rays.recorded.throughput[lane] = rays.path.throughput[lane]
 
     return mix
 

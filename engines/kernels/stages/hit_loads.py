@@ -243,7 +243,7 @@ def _make_inverse_pmf(features: SceneFeatures, real: Any) -> Any:
     def inverse_pmf(rays, lane, scene, light):
         if power:
             return scene.light_inverse_pmf[light if light >= 0 else np.int32(0)]
-        if rays.primitive[lane] < 0 or light < 0 or not rays.pdf[lane] < real(np.inf):
+        if rays.primitive[lane] < 0 or light < 0 or not rays.path.pdf[lane] < real(np.inf):
             return 1.0
         point, normal = rays.hit.point[lane], rays.hit.geometric_normal[lane]
         if transparent:  # null lobes may lie between

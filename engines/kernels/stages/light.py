@@ -15,7 +15,7 @@ from engines.kernels.compile.values import keep_scalar, lowest_bit, select
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten.lights import IMAGE_ENVIRONMENT, MESH, MODELS
 from engines.kernels.integrators.path_tracer import LIGHT_CANDIDATES
-from engines.kernels.lane.lights.sample import Light, LightSample
+from engines.kernels.lane.lights import Light, LightSample
 from engines.kernels.lane.vector import Vec3, to_real
 from engines.kernels.layout import LANES, LIGHT, POINT_U0, POINT_U1, LightRow, MaterialRow, PrimitiveRow, ray_batch, scene_table
 from engines.kernels.stages import emission, environment, light_cells, light_hierarchy, resampling

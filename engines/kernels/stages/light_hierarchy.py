@@ -108,7 +108,7 @@ def _start(rays, scene, lane):
     no light has -1."""
     light, parts, goes = np.int64(-1), scene.light_parts, False
     rays.light_inverse_pmf[lane] = np.inf
-    if rays.alive[lane] and not rays.hit.miss[lane] and rays.depth[lane] < scene.options[MAX_DEPTH]:
+    if rays.alive[lane] and not rays.hit.miss[lane] and rays.path.depth[lane] < scene.options[MAX_DEPTH]:
         scaled = np.float64(rays.draw[LIGHT, lane]) * parts
         part = max(min(np.int64(scaled), parts - 1), 0)
         goes = part >= scene.n_unbounded_lights

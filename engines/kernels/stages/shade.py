@@ -18,7 +18,7 @@ from engines.kernels.flatten.lights import CONSTANT_ENVIRONMENT, IMAGE_ENVIRONME
 from engines.kernels.flatten.shapes import analytic_shape
 from engines.kernels.integrators import aov, path_tracer, whitted
 from engines.kernels.integrators.interface import MAX_DEPTH, Integrator, Path, SurfaceInteraction, Uses
-from engines.kernels.lane.lights.sample import LightSample
+from engines.kernels.lane.lights import LightSample
 from engines.kernels.lane.sampling import cosine_pdf
 from engines.kernels.lane.vector import Vec3, dot, length
 from engines.kernels.layout import (
@@ -200,12 +200,12 @@ def _store_next_ray(rays, lane, si, path, result, goes, offset, per_vertex, foll
     step = select(result.transmitted, -offset, offset)
     rays.origin[lane] = select(goes, si.point + si.geometric_normal * step, si.origin)
     rays.direction[lane] = select(goes, result.direction, si.direction)
-    rays.throughput[lane] = select(goes, result.throughput, path.throughput)
-    rays.pdf[lane] = select(goes, result.pdf, path.pdf)
+    rays.path.throughput[lane] = select(goes, result.throughput, path.throughput)
+    rays.path.pdf[lane] = select(goes, result.pdf, path.pdf)
     rays.cosine_pdf[lane] = cosine_pdf(si.normal, result.direction)
     rays.origin_primitive[lane] = left(rays, lane)
     depth = select(goes, depth + 1, depth)
-    rays.depth[lane] = depth
+    rays.path.depth[lane] = depth
     rays.dimension[lane] = CAMERA_DIMENSIONS + VERTEX_DIMENSIONS * ((depth - 1) * per_vertex + following)
     rays.t[lane] = select(goes, math.inf, -1.0)
 
@@ -222,7 +222,7 @@ def _store_crossing_ray(rays, lane, si, path, result, crosses, null, goes, offse
     rays.crossing.normal[lane] = select(crosses, rays.crossing.normal[lane], si.geometric_normal)
     _store_next_ray(rays, lane, si, path, result, goes, offset, 1, 0, depth, left)
     rays.cosine_pdf[lane] = select(crosses, pdf, rays.cosine_pdf[lane])
-    rays.depth[lane] = select(crosses, depth, rays.depth[lane])
+    rays.path.depth[lane] = select(crosses, depth, rays.path.depth[lane])
     rays.dimension[lane] = dimension + VERTEX_DIMENSIONS
 
 
@@ -245,13 +245,12 @@ class State(NamedTuple):
 
 @inline
 def _load(rays, scene, lane, shading, real):
-    none, depth = Vec3(real(0), real(0), real(0)), rays.depth[lane]
+    none, path = Vec3(real(0), real(0), real(0)), rays.path[lane]
     light = LightSample(none, real(0), none, real(0))
     if shading.lit:
         light = rays.light_sample[lane]
-    eta_scale = select(depth > 1, rays.eta_scale[lane], real(1)) if shading.refracts else real(1)
-    path = Path(rays.throughput[lane], real(depth), rays.pdf[lane], eta_scale)
-    return State(rays.alive[lane], depth, load_interaction(rays, scene, lane), light, path)
+    seen = Path(path.throughput, real(path.depth), path.pdf, path.eta_scale if shading.refracts else real(1))
+    return State(rays.alive[lane], path.depth, load_interaction(rays, scene, lane), light, seen)
 
 
 @inline
@@ -318,7 +317,7 @@ def _make(step: Any, scattering: Any, shading: ShadeFeatures, real: Any) -> Any:
                 result = step(before.si, before.light, bsdf, draws, before.path, options)
                 _store(rays, lane, before, result, False, False, n_lights, shading, left, share, real)
             if shading.refracts:
-                rays.eta_scale[lane] = before.path.eta_scale * bsdf.eta_scale
+                rays.path.eta_scale[lane] = before.path.eta_scale * bsdf.eta_scale
 
     return shade
 

@@ -228,7 +228,7 @@ def _make(features: SceneFeatures, real: Any) -> Any:
 @inline
 def _is_absent(rays, lane, miss, zero):
     """Whether the surface is an emitter that hides from the camera; keeps it, too."""
-    absent = (not miss) & (rays.depth[lane] == 1) & (largest(rays.hit.emission[lane]) > zero)
+    absent = (not miss) & (rays.path.depth[lane] == 1) & (largest(rays.hit.emission[lane]) > zero)
     rays.crossing.absent[lane] = absent
     return absent
 

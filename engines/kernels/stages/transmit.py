@@ -121,7 +121,7 @@ def _store_next_rays(rays, share, left, real):
     """The rays that go on, from the far side of what they have met to the same place; `t` is -1 of the others."""
     zero, infinite = real(0), real(math.inf)
     for lane in range(np.uint64(LANES)):
-        goes = (not rays.hit.miss[lane]) & (largest(rays.throughput[lane]) > zero)
+        goes = (not rays.hit.miss[lane]) & (largest(rays.path.throughput[lane]) > zero)
         offset, endless = rays.hit.offset[lane], rays.light_sample.distance[lane] == infinite
         origin = rays.hit.point[lane] - rays.hit.geometric_normal[lane] * offset
         aim = rays.shadow.destination[lane] - origin
@@ -146,7 +146,7 @@ def _make(features: SceneFeatures, real: Any) -> Any:
             lane = np.uint64(lowest_bit(hits))
             hits &= hits - 1
             passed = transmittance(rays, lane, scene)
-            rays.throughput[lane] = rays.throughput[lane] * passed
+            rays.path.throughput[lane] = rays.path.throughput[lane] * passed
         _store_next_rays(rays, real(scene.margins[0].shadow_share), left, real)
 
     return transmit
