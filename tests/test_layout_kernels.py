@@ -14,7 +14,7 @@ FLOORS: dict[str, set[str]] = {
     "compile": set(),
     "features": set(),
     "rows": {"compile.records"},
-    "layout": {"compile.jit", "compile.masks", "compile.records", "compile.vec3", "lane", "rows"},
+    "layout": {"compile.jit", "compile.masks", "compile.records", "compile.vec3", "integrators", "lane", "rows"},
     "lane": {*COMPILED, "compile.vec3", "features"},
     "integrators": {*COMPILED, "compile.vec3", "lane"},
     "flatten": {*COMPILED, "compile.records", "features", "lane", "layout"},

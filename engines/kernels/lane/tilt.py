@@ -7,9 +7,8 @@ from typing import NamedTuple
 
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import select
-from engines.kernels.lane.frame import frame_of_tangent, to_world
 from engines.kernels.lane.target import sqrt
-from engines.kernels.lane.vector import Vec3, cross, dot
+from engines.kernels.lane.vector import Vec3, cross, dot, frame_of_tangent, to_world
 
 
 class Tilted(NamedTuple):

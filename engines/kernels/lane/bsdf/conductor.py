@@ -13,10 +13,9 @@ from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import const, select
 from engines.kernels.features import SceneFeatures
 from engines.kernels.lane.bsdf.interface import ALL, SPECULAR_REFLECTION, BSDFSample, LaneBSDF, Spectrum
-from engines.kernels.lane.frame import frame_at, to_local, to_world
 from engines.kernels.lane.fresnel import fresnel_conductor, reflect
 from engines.kernels.lane.microfacet import Distribution, half_vector
-from engines.kernels.lane.vector import Vec3, dot
+from engines.kernels.lane.vector import Vec3, dot, frame_at, to_local, to_world
 
 PARAMETERS = 11
 

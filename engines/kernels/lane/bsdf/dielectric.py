@@ -25,10 +25,9 @@ from engines.kernels.lane.bsdf.interface import (
     no_pdf,
     no_value,
 )
-from engines.kernels.lane.frame import frame_at, to_local, to_world
 from engines.kernels.lane.fresnel import fresnel_dielectric, reflect, refract
 from engines.kernels.lane.microfacet import Distribution, half_vector
-from engines.kernels.lane.vector import Vec3, dot
+from engines.kernels.lane.vector import Vec3, dot, frame_at, to_local, to_world
 
 PARAMETERS = 9
 

@@ -17,12 +17,11 @@ from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import const, select
 from engines.kernels.features import SceneFeatures
 from engines.kernels.lane.bsdf.interface import ALL, SPECULAR_REFLECTION, BSDFSample, LaneBSDF, Spectrum, delta
-from engines.kernels.lane.frame import frame_at, to_local, to_world
 from engines.kernels.lane.fresnel import fresnel_dielectric, reflect
 from engines.kernels.lane.microfacet import Distribution, half_vector
 from engines.kernels.lane.sampling import cosine_direction, cosine_pdf
 from engines.kernels.lane.target import floor
-from engines.kernels.lane.vector import Vec3, dot, largest
+from engines.kernels.lane.vector import Vec3, dot, frame_at, largest, to_local, to_world
 
 PARAMETERS = 12
 NODES = 64

@@ -16,12 +16,11 @@ from engines.kernels.compile.values import const, select
 from engines.kernels.features import SceneFeatures
 from engines.kernels.lane.bsdf.interface import ALL, BSDFSample, LaneBSDF, Spectrum
 from engines.kernels.lane.elementary import exp, log
-from engines.kernels.lane.frame import frame_at, to_local, to_world
 from engines.kernels.lane.fresnel import fresnel_dielectric
 from engines.kernels.lane.microfacet import ggx_density, ggx_masking, ggx_visible_normal, half_vector
 from engines.kernels.lane.sampling import cosine_direction
 from engines.kernels.lane.target import sqrt
-from engines.kernels.lane.vector import Vec3, dot, sin_cos_turn
+from engines.kernels.lane.vector import Vec3, dot, frame_at, sin_cos_turn, to_local, to_world
 
 PARAMETERS = 14
 
