@@ -157,7 +157,7 @@ def _type_arguments(block: Any, call: ir.Assign, function: Any, literals: dict[s
             value = _assigned(block, part.name, ir.Expr.call(typed, (part, like), (), call.loc), call)
             call.value.args = [value if each is part else each for each in call.value.args]
             call.value.kws = [(name, value if each is part else each) for name, each in call.value.kws]
-    elif is_record or _may_be_type(function):
+    elif not is_record and _may_be_type(function):
         for part in given:
             literals[part.name].value = ir.Const(float(literals[part.name].value.value), call.loc)
 

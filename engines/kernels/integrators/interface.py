@@ -12,7 +12,6 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from engines.kernels.compile.jit import inline
-from engines.kernels.compile.values import const
 from engines.kernels.compile.vec3 import Vec3
 
 MAX_DEPTH = 0
@@ -117,6 +116,5 @@ class Integrator(NamedTuple):
 @inline
 def finish(like, radiance, direct):
     """A result that ends the path."""
-    zero = const(0.0, like)
-    none = Vec3(zero, zero, zero)
-    return ScatterResult(radiance, direct, False, none, False, none, zero, False, none, none)
+    none = Vec3(0.0, 0.0, 0.0)
+    return ScatterResult(radiance, direct, False, none, False, none, 0.0, False, none, none)

@@ -17,14 +17,13 @@ RR_DEPTH, DIRECT_OPTION, LIGHT_CANDIDATES = 1, 2, 3
 @inline
 def _path_step(si, light, bsdf, draws, path, options, crosses):
     """One vertex. Where the sample `crosses` the surface, that is no vertex: depth and pdf stay, and there is no roulette."""
-    zero, depth = const(0.0, si.t), const(path.depth, si.t)
-    none = Vec3(zero, zero, zero)
+    depth, none = const(path.depth, si.t), Vec3(0.0, 0.0, 0.0)
     max_depth, rr_depth, direct = options[MAX_DEPTH], options[RR_DEPTH], options[DIRECT_OPTION]
     use_light, use_bsdf = direct == LIGHT_ONLY, direct == BSDF_ONLY
 
     # emission: what the light strategy would have found too counts for less
-    unlisted = si.light_pdf <= zero
-    only = select(unlisted | (path.pdf > 3e38), 1.0, zero)
+    unlisted = si.light_pdf <= 0.0
+    only = select(unlisted | (path.pdf > 3e38), 1.0, 0.0)
     w = select(use_light, only, select(use_bsdf, 1.0, power_heuristic(path.pdf, si.light_pdf)))
     radiance = path.throughput * si.emission * w
 
@@ -33,15 +32,15 @@ def _path_step(si, light, bsdf, draws, path, options, crosses):
 
     # direct light
     w = power_heuristic(light.pdf, bsdf.pdf)
-    w = select(use_light, 1.0, select(use_bsdf, select(light.pdf > 3e38, 1.0, zero), w))
+    w = select(use_light, 1.0, select(use_bsdf, select(light.pdf > 3e38, 1.0, 0.0), w))
     value = bsdf.value
     side = dot(si.geometric_normal, light.wi)
-    lit = goes_on & (value.scale > zero) & (select(bsdf.through, -side, side) > zero) & (light.pdf > zero)
-    li = path.throughput * value.color * light.radiance * (select(lit, value.scale, zero) * w)
+    lit = goes_on & (value.scale > 0.0) & (select(bsdf.through, -side, side) > 0.0) & (light.pdf > 0.0)
+    li = path.throughput * value.color * light.radiance * (select(lit, value.scale, 0.0) * w)
 
     # one lobe carries the path on
     side = dot(si.geometric_normal, sample.wi)
-    alive = (goes_on | (crosses & (not si.miss))) & sample.valid & (select(sample.transmitted, -side, side) > zero)
+    alive = (goes_on | (crosses & (not si.miss))) & sample.valid & (select(sample.transmitted, -side, side) > 0.0)
     throughput = path.throughput * (sample.weight.color * sample.weight.scale)
 
     # roulette, as if refraction did not scale radiance
@@ -49,7 +48,7 @@ def _path_step(si, light, bsdf, draws, path, options, crosses):
     survival = select(survival < 0.95, survival, 0.95)
     plays = (depth >= rr_depth) & (not crosses)
     alive = alive & ((draws.roulette < survival) | (not plays))
-    throughput = throughput * select(plays, 1.0 / select(survival > zero, survival, 1.0), 1.0)
+    throughput = throughput * select(plays, 1.0 / select(survival > 0.0, survival, 1.0), 1.0)
     return ScatterResult(
         radiance,
         select(lit, li, none),

@@ -16,13 +16,12 @@ AMBIENT = 1
 @inline
 def local(si, light, bsdf, path, ambient):
     """(radiance, direct): emission and the ambient term; and what the light sample adds."""
-    zero = const(0.0, si.t)
     radiance = path.throughput * (si.emission + bsdf.diffuse * ambient)
     value = bsdf.value
     side = dot(si.geometric_normal, light.wi)
-    lit = (not si.miss) & (value.scale > zero) & (select(bsdf.through, -side, side) > zero) & (light.pdf > zero)
-    direct = path.throughput * value.color * light.radiance * select(lit, value.scale, zero)
-    return radiance, select(lit, direct, Vec3(zero, zero, zero))
+    lit = (not si.miss) & (value.scale > 0.0) & (select(bsdf.through, -side, side) > 0.0) & (light.pdf > 0.0)
+    direct = path.throughput * value.color * light.radiance * select(lit, value.scale, 0.0)
+    return radiance, select(lit, direct, Vec3(0.0, 0.0, 0.0))
 
 
 @inline

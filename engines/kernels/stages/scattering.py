@@ -155,7 +155,7 @@ def _make_scatter(features: SceneFeatures, kind: int, uses: Uses) -> Any:
         parameters, wi, zero = lane_numbers(rays.bsdf, lane), rays.light_sample.wi[lane], const(0.0, si.t)
         none = Vec3(zero, zero, zero)
         value, pdf, diffuse, albedo = Spectrum(none, zero), zero, none, none
-        sample, reflection, transmission = no_sample(zero), no_sample(zero), no_sample(zero)
+        sample, reflection, transmission = no_sample(), no_sample(), no_sample()
         null, eta_scale = False, const(1.0, si.t)
         if use_value:
             value, pdf = value_at(rays, lane, si, parameters, wi)

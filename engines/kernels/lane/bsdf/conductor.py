@@ -36,8 +36,7 @@ def _reflectance(parameters, cos):
 
 @inline
 def albedos(parameters, si):
-    zero, one = const(0.0, si.t), const(1.0, si.t)
-    return Vec3(zero, zero, zero), _reflectance(parameters, one)
+    return Vec3(0.0, 0.0, 0.0), _reflectance(parameters, const(1.0, si.t))
 
 
 @cache

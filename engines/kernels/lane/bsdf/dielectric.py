@@ -12,7 +12,7 @@ from functools import cache
 from typing import NamedTuple
 
 from engines.kernels.compile.jit import inline
-from engines.kernels.compile.values import const, select
+from engines.kernels.compile.values import select
 from engines.kernels.features import SceneFeatures
 from engines.kernels.lane.bsdf.interface import (
     ALL,
@@ -44,8 +44,7 @@ def _transmittance(parameters):
 
 @inline
 def _albedos(parameters, si):
-    zero = const(0.0, si.t)
-    return Vec3(zero, zero, zero), _transmittance(parameters)
+    return Vec3(0.0, 0.0, 0.0), _transmittance(parameters)
 
 
 @inline
@@ -77,7 +76,7 @@ def _mirrored_share(direction, normal, ior):
 @inline
 def _sample_thin(parameters, si, u_lobe, u0, u1, which):
     share, mirror = _mirrored_share(si.direction, si.normal, parameters[0]), reflect(si.direction, si.normal)
-    return _delta_lobes(parameters, si, u_lobe, which, share, mirror, si.direction, const(1.0, si.t))
+    return _delta_lobes(parameters, si, u_lobe, which, share, mirror, si.direction, 1.0)
 
 
 @inline

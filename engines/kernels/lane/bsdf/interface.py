@@ -10,7 +10,6 @@ import math
 from typing import Any, NamedTuple
 
 from engines.kernels.compile.jit import inline
-from engines.kernels.compile.values import const
 from engines.kernels.compile.vec3 import Vec3
 
 ALL, SPECULAR_REFLECTION, SPECULAR_TRANSMISSION = range(3)
@@ -84,24 +83,22 @@ class LaneBSDF(NamedTuple):
 
 
 @inline
-def no_sample(like):
-    """A sample that ends the path, in the type of the number `like`."""
-    zero = const(0.0, like)
-    none = Vec3(zero, zero, zero)
-    return BSDFSample(none, Spectrum(none, zero), zero, False, False)
+def no_sample():
+    """A sample that ends the path."""
+    none = Vec3(0.0, 0.0, 0.0)
+    return BSDFSample(none, Spectrum(none, 0.0), 0.0, False, False)
 
 
 @inline
 def no_value(parameters, si, wi):
     """The value of a model that has delta lobes alone."""
-    zero = const(0.0, si.t)
-    return Spectrum(Vec3(zero, zero, zero), zero)
+    return Spectrum(Vec3(0.0, 0.0, 0.0), 0.0)
 
 
 @inline
 def no_pdf(parameters, si, wi):
     """The pdf of such a model."""
-    return const(0.0, si.t)
+    return 0.0
 
 
 @inline

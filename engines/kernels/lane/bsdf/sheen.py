@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 from engines.kernels.compile.jit import inline
-from engines.kernels.compile.values import const, select
+from engines.kernels.compile.values import select
 from engines.kernels.lane.bsdf.interface import ALL, BSDFSample, LaneBSDF, Spectrum
 from engines.kernels.lane.sampling import cosine_direction, cosine_pdf
 from engines.kernels.lane.target import sqrt
@@ -50,8 +50,7 @@ def _sample(parameters, si, u_lobe, u0, u1, which):
 
 @inline
 def _albedos(parameters, si):
-    zero = const(0.0, si.t)
-    return Vec3(zero, zero, zero), _color(parameters)
+    return Vec3(0.0, 0.0, 0.0), _color(parameters)
 
 
 SHEEN = LaneBSDF(_evaluate, _pdf, _sample, _albedos)
