@@ -145,7 +145,8 @@ class WeakLiterals(FunctionPass):
 
 def _type_arguments(block: Any, call: ir.Assign, function: Any, literals: dict[str, ir.Assign]) -> None:
     """Literals among the arguments of a call get a type where Numba would find none: in a record, such as a vector, that of its
-    first other float, and float64 where there is none; float64 for a type of numbers, and for a parameter, which may be one."""
+    first other float; float64 for a type of numbers, and for a parameter, which may be one. A record of literals alone stays
+    weak."""
     every = [*call.value.args, *(part for _, part in call.value.kws)]
     given = [part for part in every if part.name in literals]
     others = [part for part in every if part.name not in literals]

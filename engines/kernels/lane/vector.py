@@ -12,6 +12,8 @@ from engines.kernels.compile.values import select
 from engines.kernels.compile.vec3 import Vec3
 from engines.kernels.lane.target import floor, sqrt
 
+ORIGIN = Vec3(np.float64(0.0), np.float64(0.0), np.float64(0.0))
+
 
 @inline
 def dot(a, b):
