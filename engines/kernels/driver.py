@@ -1,6 +1,7 @@
 """The loop that drives ray batches through the stages, tile by tile (`queries` does so for single rays).
 
-    regenerate -> closest -> surface -> draw -> material -> light -> BSDFs -> shade -> occluded -> add direct light -> finish
+    regenerate -> closest -> surface -> (draw -> material -> light -> guide -> BSDFs -> mix -> shade -> occluded
+        -> add direct light), for integrators that visit every light once for each -> finish
 
 Where shadow rays cross null lobes, they have a third batch, in which closest, surface and transmit take the place of occluded.
 
@@ -77,7 +78,8 @@ def _add_direct_light(rays, zero, tested):
 
 @inline
 def _push(rays, stacks, lane, capacity):
-    """Puts the second ray of a hit on the lane's stack; returns whether there was room."""
+    """Puts the second ray of a hit on the lane's stack; returns whether there was room. It follows shade, which has given the
+    lane the depth and `origin_primitive` that both rays share."""
     waiting = rays.waiting[lane]
     if waiting >= capacity:
         return False
@@ -283,7 +285,7 @@ def _advance(rays, stages, bsdfs, batch, shadows, scene, plan, records, real):
     traced = bits_set(positive_lanes(rays.t))
     call_stage(stages.closest, batch, scene)
     call_stage(stages.surface, batch, scene)
-    scatters = stages.material != 0 or plan.last_depth == 0 or _some_scatter(rays, np.int32(plan.last_depth))
+    scatters = plan.last_depth == 0 or _some_scatter(rays, np.int32(plan.last_depth))
     for k in range(plan.per_vertex):
         if scatters:
             call_stage(stages.draw_vertex, batch, scene)

@@ -20,7 +20,7 @@ class SceneFeatures(NamedTuple):
     bsdfs: tuple[int, ...] = ()
     """Kinds of BSDF models."""
     lobes: bool = False
-    """Some BSDF is a plugin's, which may choose among lobes."""
+    """Some BSDF may choose among lobes: a plugin's, rough glass, plastic, principled."""
     diffuse: bool = False
     """Some kd is above 0; mirror and refraction the same of ks and kt."""
     mirror: bool = False

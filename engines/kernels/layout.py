@@ -93,7 +93,7 @@ class Hit(NamedTuple):
     tangent: Vec3
     """Derivative of the point by the shape's first coordinate, where some material is anisotropic."""
     offset: float
-    """How far from the surface new rays start."""
+    """How far from the surface new rays start; until the surface stage knows that, `ShapeIntersection.scale`."""
     emission: Vec3
     """Towards the viewer."""
     light_pdf: float
@@ -201,7 +201,8 @@ class Recorded(NamedTuple):
 class RayBatch(LaneRecord):
     """Sixteen lanes, field by field. Behind the fields lies scratch memory for intersectors."""
 
-    # the path: what a lane takes over, field by field, from the batch in which the camera begins samples
+    # the path: `copy_paths` copies all fields down to `waiting` from the batch in which the camera begins samples; what lies
+    # below is written before it is read (of `crossing`, shade knows the first ray of a sample by its dimension)
     alive = flag()  # the lane has a sample in flight
     slot = integer()  # where in the tile's buffer the radiance goes
     pixel = integer()  # y * width + x
@@ -210,7 +211,7 @@ class RayBatch(LaneRecord):
     origin = vector()
     direction = vector()
     t = real()  # in: t_max, not above 0 for a lane without a ray; out: distance of the hit
-    origin_primitive = integer()  # id of the flat primitive that the ray leaves, -1 for none
+    origin_primitive = integer()  # id of the flat primitive that the ray and the vertex's shadow ray leave, -1 for none
     path = record(Path)
     radiance = vector()
     cosine_pdf = real()  # of the last direction under the cosine rule
@@ -240,8 +241,9 @@ class RayBatch(LaneRecord):
     emitter_inverse_pmf = real()  # 1 / the probability with which it would be chosen, where that differs between lights
 
     # what the light stage loads of the light that it samples
-    light_node = integer()  # in a walk through a hierarchy of lights; at its end the index of the light, -1 for none
+    light_node = integer()  # the index of the light, -1 for none; on the way there a node of the hierarchy of lights
     light_kind = integer()
+    light_row_kind = real()  # the same, as the row of the light has it
     light_parameters = reals(LIGHT_PARAMETERS)
     light_color = vector()
     light_two_sided = real()
@@ -249,17 +251,17 @@ class RayBatch(LaneRecord):
     light_material = integer()
     light_inverse_pmf = real()
 
-    kept = doubles(8)  # what a stage keeps between its loops, as the next two
+    kept = doubles(8)  # what a stage keeps between its loops, as the next two (`emission` reads the light stage's)
     kept_row, kept_column = integer(), integer()
 
     light_sample = record(LightSample)  # at the surface, as the light stage leaves it
     shadow = record(ShadowRay)  # as the shade stage leaves it; `occluded` is the intersector's
     branch = record(Branch)
 
-    # scratch of intersectors: the ray's own frame
-    frame_x = vector()
-    frame_y = vector()
-    frame_z = vector()
+    # scratch of intersectors: the ray's shear
+    shear_x = vector()
+    shear_y = vector()
+    shear_z = vector()
 
     scatter = record(Scattering)  # the BSDF at this vertex, where models have stages of their own
 

@@ -34,6 +34,7 @@ from engines.scene import Camera, Scene, Shape, ThinLens
 from engines.scene.support import foreign
 from engines.sd_tree import Training
 
+BSDFS = ("bsdfs",)
 CHUNK = 4
 """Samples per pixel between two commits of a tile."""
 SAMPLES_A_TABLE = 4096
@@ -201,30 +202,28 @@ class Renderer:
         integrator = shade.integrator_of(self.settings.shader)
         shading = shade.shade_features(integrator, features)
         uses, resampled = shade.uses(integrator, shading), shade.light_candidates(self.settings.shader) > 1
-        jobs: dict[str, Any] = {  # fields of `driver.Stages`, and what makes them: the costly ones come first
-            "shade": lambda: shade.stage(integrator, shading, features, real),
-            "surface": lambda: surface.stage(features, real),
-            "closest occluded": lambda: self._accelerator.stages(features, real),
-            "bsdfs": lambda: scattering.stages(features, uses, real),
+        jobs: dict[tuple[str, ...], Any] = {  # fields of `driver.Stages`, and what makes them: the costly ones come first
+            ("shade",): lambda: [shade.stage(integrator, shading, features, real)],
+            ("surface",): lambda: [surface.stage(features, real)],
+            ("closest", "occluded"): lambda: self._accelerator.stages(features, real),
+            BSDFS: lambda: scattering.stages(features, uses, real),
         }
         if shading.lit:
-            jobs["light"] = lambda: light.stage(features, shading.every, resampled, real)
+            jobs["light",] = lambda: [light.stage(features, shading.every, resampled, real)]
         if features.programs and any(uses):
-            jobs["material"] = lambda: material.stage(features, real)
+            jobs["material",] = lambda: [material.stage(features, real)]
         if features.guided:
-            jobs["guide mix"] = lambda: guiding.stages(features, shading.lit, real)
+            jobs["guide", "mix"] = lambda: guiding.stages(features, shading.lit, real)
         if features.transparent and shading.lit:
-            jobs["dark_surface transmit"] = lambda: (surface.dark_stage(features, real), transmit.stage(features, real))
-        jobs["draw_pixel draw_vertex"] = lambda: sampler.stages(self.settings.sampler, real, lens)
-        jobs["camera"] = lambda: camera.stage(self._scene.camera, real)
+            jobs["dark_surface", "transmit"] = lambda: (surface.dark_stage(features, real), transmit.stage(features, real))
+        jobs["draw_pixel", "draw_vertex"] = lambda: sampler.stages(self.settings.sampler, real, lens)
+        jobs["camera",] = lambda: [camera.stage(self._scene.camera, real)]
         compile_jobs([self._compile_driver, *jobs.values()])
         made = {names: job() for names, job in jobs.items()}
-        self._bsdfs = np.array([stage.address for stage in made["bsdfs"]], np.int64)
-        stages: dict[str, Any] = {}
-        for names in jobs.keys() - {"bsdfs"}:
-            several = made[names] if isinstance(made[names], tuple) else (made[names],)
-            stages |= zip(names.split(), several, strict=True)
-        self._kept = [*stages.values(), *made["bsdfs"]]  # machine code lives as long as its stage
+        bsdfs = made.pop(BSDFS)
+        self._bsdfs = np.array([stage.address for stage in bsdfs], np.int64)
+        stages = {name: stage for names, several in made.items() for name, stage in zip(names, several, strict=True)}
+        self._kept = [*stages.values(), *bsdfs]  # machine code lives as long as its stage
         self._stages = driver.Stages(**{name: stage.address for name, stage in stages.items()})
         per_vertex = max(int(self._flat.table[SceneTable.n_lights.first]), 1) if shading.every else 1
         self._plan = driver.Plan(shading.branches, per_vertex, shade.last_depth(self.settings.shader, features))
@@ -302,7 +301,7 @@ class Renderer:
         return rays
 
     def _drive_once(self, film: Film, tiles: NDArray[np.int32], done: NDArray[np.int64], target: int) -> int:
-        stages = self._require_stages()  # before the next line: compiling the driver takes a tile
+        stages = self._require_stages()  # before NEXT_TILE is set: compiling the driver takes a tile
         bsdfs, plan = self._bsdfs, self._plan
         self._control[driver.NEXT_TILE] = self._control[driver.STACK_FULL] = 0
 

@@ -30,8 +30,8 @@ MADE = {
 
 
 class Engine:
-    """Compiled for the scene, sixteen paths at a time; brute force, grid or BVH. Float64 by default, as accurate as the
-    reference engine; float32 is nearly twice as fast."""
+    """Compiled for the scene, sixteen paths at a time; brute force, grid, BVH or area hierarchy. Float64 by default,
+    as accurate as the reference engine; float32 is nearly twice as fast."""
 
     name = "numba"
     lineage = "raybench-kernels"

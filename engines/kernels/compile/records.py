@@ -1,4 +1,4 @@
-"""Named, typed memory: what kernels write as `rays.origin[lane]`, `scene.lights[i].position`.
+"""Named, typed memory: what kernels write as `rays.origin[lane]`, `scene.lights[i].color`.
 
 Three kinds of layout are declared as classes:
 

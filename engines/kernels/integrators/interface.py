@@ -76,7 +76,7 @@ class ScatterResult(NamedTuple):
     throughput: Vec3
     pdf: float
     branch: bool
-    """A second ray follows this one later: whitted's refraction."""
+    """A second ray follows this one later: whitted's reflection, where there is a refraction too."""
     branch_direction: Vec3
     branch_throughput: Vec3
 

@@ -5,9 +5,10 @@
 of a `Light`, the point, the shading normal there and two random numbers. The radiance is that of the light alone: whoever chose
 it among several divides by the probability of the choice. Of a shape that emits there is
 
-    <kind>_pdf(parameters, o, t, facing, n_lights) -> float
+    <kind>_pdf(parameters, o, t, facing, inverse_pmf) -> float
 
-too: per solid angle, of a hit at distance t from o under the cosine `facing`, when one of `n_lights` lights is chosen.
+too: per solid angle, of a hit at distance t from o under the cosine `facing`, where the light is chosen with the probability
+1 / `inverse_pmf`.
 """
 
 from __future__ import annotations
@@ -38,7 +39,8 @@ class Light(NamedTuple):
 
 
 class LightSample(NamedTuple):
-    """`wi` unit, towards the light; `radiance` over pdf; `pdf` per solid angle, inf for delta lights, 0 for no sample."""
+    """`wi` unit, towards the light; `radiance` over pdf; `pdf` per solid angle, inf for delta lights. A sample counts only
+    where `pdf` is above 0: else `radiance` may be anything, NaN too."""
 
     wi: Vec3
     distance: float
@@ -108,8 +110,8 @@ def sample_mesh(light, p, normal, u0, u1):
 
 
 @inline
-def mesh_pdf(parameters, o, t, facing, n_lights):
-    return t * t / (facing * parameters[0] * n_lights)
+def mesh_pdf(parameters, o, t, facing, inverse_pmf):
+    return t * t / (facing * parameters[0] * inverse_pmf)
 
 
 @inline
@@ -146,11 +148,11 @@ def sample_sphere(light, p, normal, u0, u1):
 
 
 @inline
-def sphere_pdf(parameters, o, t, facing, n_lights):
+def sphere_pdf(parameters, o, t, facing, inverse_pmf):
     x, y, z, radius = parameters[:4]
     by_cone = cone(o, Vec3(x, y, z), radius).pdf
     by_area = t * t / (facing * (4.0 * math.pi) * radius * radius)
-    return select(by_cone > 0.0, by_cone, by_area) / n_lights
+    return select(by_cone > 0.0, by_cone, by_area) / inverse_pmf
 
 
 @inline
@@ -171,9 +173,9 @@ def sample_disk(light, p, normal, u0, u1):
 
 
 @inline
-def disk_pdf(parameters, o, t, facing, n_lights):
+def disk_pdf(parameters, o, t, facing, inverse_pmf):
     radius = parameters[6]
-    return t * t / (facing * math.pi * radius * radius * n_lights)
+    return t * t / (facing * math.pi * radius * radius * inverse_pmf)
 
 
 @inline
@@ -196,7 +198,7 @@ def sample_cylinder(light, p, normal, u0, u1):
 
 
 @inline
-def cylinder_pdf(parameters, o, t, facing, n_lights):
+def cylinder_pdf(parameters, o, t, facing, inverse_pmf):
     _, _, _, ax, ay, az, radius = parameters[:7]
     area = (2.0 * math.pi) * radius * length(Vec3(ax, ay, az))
-    return t * t / (facing * area * n_lights)
+    return t * t / (facing * area * inverse_pmf)

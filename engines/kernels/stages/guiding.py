@@ -124,9 +124,9 @@ def _make_sample(real: Any) -> Any:
 
 @cache
 def _make_look_up(real: Any) -> Any:
-    """The function (rays, scene) that finds, for the places (`guide_x`, `guide_y`), the cells in which they lie, as
-    `record_cell`, and the density of the tree's samples per solid angle, as `guide_pdf`. Where `guide_node` is the root of
-    the leaf's quadtree; where that is -1 the density is 0."""
+    """The function (rays, scene) that finds, for the places (`guide.x`, `guide.y`), the cells in which they lie, as
+    `recorded.cell`, and the density of the tree's samples per solid angle, as `guide.pdf`, by the quadtree whose root is
+    `guide.node`; where that is -1 the density is 0."""
     zero, one, two, sphere = real(0), real(1), real(2), real(1.0 / (4.0 * math.pi))
 
     @inline

@@ -92,7 +92,7 @@ def _make_load(kinds: tuple[int, ...], selection: Selection, real: Any) -> Any:
             rays.kept[0, lane] = rest
         load_lights(rays, address_of(scene.lights), EVERY_LANE)
         for lane in range(np.uint64(LANES)):
-            kind = np.int32(rays.light_sample.distance[lane])
+            kind = np.int32(rays.light_row_kind[lane])
             rays.light_kind[lane] = select(rays.kept_column[lane] < 0, np.int32(-1), kind)
         if meshes:
             lanes = _on_meshes(rays.light_kind)
@@ -104,11 +104,11 @@ def _make_load(kinds: tuple[int, ...], selection: Selection, real: Any) -> Any:
 
 @cache
 def _make_load_lights(kinds: tuple[int, ...]) -> Any:
-    """The function (rays, address, lanes) that copies rows of lights: the kind, as a number, to where the distance will be."""
+    """The function (rays, address, lanes) that copies rows of lights: the kind is a number of the row."""
     parameters = max(MODELS[kind].parameters for kind in kinds)
     first = LightRow.fields["parameters"].first
     columns = [LightRow.fields["kind"].first, *(COLOR + k for k in range(4)), *(first + k for k in range(parameters))]
-    targets = [lane_number("light_sample.distance"), *_COLOR_AND_SIDES]
+    targets = [lane_number("light_row_kind"), *_COLOR_AND_SIDES]
     targets += [lane_number("light_parameters") + k for k in range(parameters)]
     return make_load_rows("kept_row", LightRow, tuple(columns), tuple(targets))
 
@@ -151,13 +151,13 @@ def _make_sample_one(kinds: tuple[int, ...], selection: Selection, turned: bool,
     @inline
     def sample_one(rays, scene):
         load(rays, scene)
-        share = one if every else one / real(scene.n_lights)
-        environment_share = share
+        pmf = one if every else one / real(scene.n_lights)
+        environment_pmf = pmf
         if weighted:
-            environment_share = one / scene.light_inverse_pmf[scene.environment_light]
+            environment_pmf = one / scene.light_inverse_pmf[scene.environment_light]
         for lane in range(np.uint64(LANES)):
             if weighted:
-                share = one / rays.light_inverse_pmf[lane]
+                pmf = one / rays.light_inverse_pmf[lane]
             light = Light(
                 lane_numbers(rays.light_parameters, lane),
                 rays.light_color[lane],
@@ -169,11 +169,9 @@ def _make_sample_one(kinds: tuple[int, ...], selection: Selection, turned: bool,
             sample = LightSample(Vec3(zero, zero, one), infinite, Vec3(zero, zero, zero), infinite)
             u0, u1 = rays.draw[POINT_U0, lane], rays.draw[POINT_U1, lane]
             sample = sample_light(rays.light_kind[lane], sample, light, rays.hit.point[lane], rays.hit.normal[lane], u0, u1)
-            rays.light_sample[lane] = LightSample(
-                sample.wi, sample.distance, sample.radiance * (one / share), sample.pdf * share
-            )
+            rays.light_sample[lane] = LightSample(sample.wi, sample.distance, sample.radiance * (one / pmf), sample.pdf * pmf)
         if image_environment:
-            _image_environment(rays, scene, environment_share, turned, real)
+            _image_environment(rays, scene, environment_pmf, turned, real)
 
     return sample_one
 
@@ -262,7 +260,7 @@ def _choose_places(rays, scene, axes, lanes):
 
 
 @inline
-def _image_environment(rays, scene, share, turned, real):
+def _image_environment(rays, scene, pmf, turned, real):
     """Samples of the environment's image replace what the vector loop left in the lanes that chose it and are on a
     surface."""
     lanes = _lanes_on_environment(rays)
@@ -282,7 +280,7 @@ def _image_environment(rays, scene, share, turned, real):
         u, v, sine = rays.kept[0, lane], rays.kept[1, lane], rays.kept[2, lane]
         radiance = environment.radiance(scene.environment, environment.texels_at(width, height, axes, u, v))
         density = scene.environment_pdf[environment.texel_of(width, height, u, v)]
-        pdf = environment.pdf_solid_angle(density, sine) * np.float64(share)
+        pdf = environment.pdf_solid_angle(density, sine) * np.float64(pmf)
         rays.light_sample.distance[lane] = real(np.inf)
         rays.light_sample.radiance[lane] = radiance * (1.0 / pdf if pdf > 0.0 else 0.0)
         rays.light_sample.pdf[lane] = pdf

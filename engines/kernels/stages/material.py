@@ -81,7 +81,7 @@ def _make_coordinates(features: SceneFeatures) -> Any:
 # ---- the walk ----------------------------------------------------------------------------------------------------------
 
 
-class State(NamedTuple):
+class Walk(NamedTuple):
     """Where a walk stands: the node, the random number that is left, and what masks and tilts have made of the surface."""
 
     node: int
@@ -118,19 +118,19 @@ def _after_mask(state, node, share):
     if not passing:
         there, u = _chosen(u, share)
         passing = not there
-    return State(np.int64(node.first), u, state.opacity * share, passing, state.tilts, state.before, state.frame)
+    return Walk(np.int64(node.first), u, state.opacity * share, passing, state.tilts, state.before, state.frame)
 
 
 @inline
 def _after_blend(state, node, share):
     second, u = _chosen(state.u, share)
     following = np.int64(node.second) if second else np.int64(node.first)
-    return State(following, u, state.opacity, state.passing, state.tilts, state.before, state.frame)
+    return Walk(following, u, state.opacity, state.passing, state.tilts, state.before, state.frame)
 
 
 @inline
 def tilted(scene, node, kind, frame, before, at, front, ng, wo):
-    """(the frame of a bump or normal map, the shading normal before it): see `State`."""
+    """(the frame of a bump or normal map, the shading normal before it): see `Walk`."""
     texture, through = np.int64(node.texture), node.second == THROUGH
     if kind == BUMP:
         slope, scale = gradient_at(scene, texture, at.u, at.v), node.value
@@ -146,18 +146,18 @@ def tilted(scene, node, kind, frame, before, at, front, ng, wo):
 
 @per_features
 def _make_walk(features: SceneFeatures) -> Any:
-    """The function (scene, first node, u, at, front, ng, wo, frame) -> State at the leaf."""
+    """The function (scene, first node, u, at, front, ng, wo, frame) -> Walk at the leaf."""
     textures, choices, masks, tilts = features.textures, features.choices, features.masks, features.tilts
 
     @inline
     def walk(scene, first, u, at, front, ng, wo, frame):
-        state = State(first, u, 1.0, False, np.int64(0), frame.normal, frame)
+        state = Walk(first, u, 1.0, False, np.int64(0), frame.normal, frame)
         node = scene.nodes[first]
         kind = np.int64(node.kind)
         while kind != LEAF:
             if kind == SIDES:
                 following = np.int64(node.first) if front else np.int64(node.second)
-                state = State(following, state.u, state.opacity, state.passing, state.tilts, state.before, state.frame)
+                state = Walk(following, state.u, state.opacity, state.passing, state.tilts, state.before, state.frame)
             if choices:
                 if masks and kind == MASK:
                     state = _after_mask(state, node, share_of(scene, node, at, textures))
@@ -166,7 +166,7 @@ def _make_walk(features: SceneFeatures) -> Any:
             if tilts and kind >= BUMP:
                 frame, before = tilted(scene, node, kind, state.frame, state.before, at, front, ng, wo)
                 following = np.int64(node.first)
-                state = State(following, state.u, state.opacity, state.passing, state.tilts + 1, before, frame)
+                state = Walk(following, state.u, state.opacity, state.passing, state.tilts + 1, before, frame)
             node = scene.nodes[state.node]
             kind = np.int64(node.kind)
         return state
@@ -247,7 +247,7 @@ def _make(features: SceneFeatures, real: Any) -> Any:
     locate, walk = make_locate(features), _make_walk(features)
 
     @inline
-    def shade(rays, lane, scene, first):
+    def apply_program(rays, lane, scene, first):
         at = coordinates_at(rays, lane)  # of what nobody reads, where nothing is located
         ng, wo = to_float64(rays.hit.geometric_normal[lane]), -to_float64(rays.direction[lane])
         frame = tilt.Tilted(to_float64(rays.hit.normal[lane]), at.dp_du, at.dp_dv, True)
@@ -292,7 +292,7 @@ def _make(features: SceneFeatures, real: Any) -> Any:
         while lanes != 0:
             lane = np.uint64(lowest_bit(lanes))
             lanes &= lanes - 1
-            shade(rays, lane, scene, np.int64(rays.kept_row[lane]))
+            apply_program(rays, lane, scene, np.int64(rays.kept_row[lane]))
 
     return material
 

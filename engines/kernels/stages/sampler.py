@@ -17,7 +17,7 @@ from engines.kernels.compile.jit import compile_stage, inline
 from engines.kernels.compile.values import const
 from engines.kernels.lane import sampler as lane_sampler
 from engines.kernels.lane.sampler import dimension_key, mix, random_bits
-from engines.kernels.layout import CAMERA_DIMENSIONS, LANES, VERTEX_DRAWS, ray_batch, scene_table
+from engines.kernels.layout import CAMERA_DIMENSIONS, LANES, SHADER_OPTIONS, VERTEX_DRAWS, ray_batch, scene_table
 from engines.scene.support import option_numbers
 from engines.sobol_numbers import DIRECTIONS
 
@@ -29,7 +29,7 @@ BITS = {
 }
 """Of each sampler the lane function, with scrambling and without."""
 TABULATED = ("sobol", "halton")
-SAMPLER_OPTION = 8
+SAMPLER_OPTION = SHADER_OPTIONS
 """Index in the scene's options of the sampler's number: a constant's value, the bits of a stratified grid."""
 
 ALL_WANTED = (1 << VERTEX_DRAWS) - 1

@@ -3,7 +3,8 @@
 Where a scene has masks or tilted normals, both act around the model's functions (docs/transport.md, "Wrappers"). An emitter
 that hides from the camera has only a sample that goes straight on.
 
-Where a scene has one model, the shade stage calls it in its own loop, and nothing is stored. Where it has several, each
+Where a scene has one model, the shade stage calls it in its own loop, and nothing is stored. Where it has several, or paths are
+guided, each
 model has a stage of its own that runs only in batches of which some lane has hit it, and the shade stage loads the
 results.
 """
@@ -145,7 +146,7 @@ def _make_scatter(features: SceneFeatures, kind: int, uses: Uses) -> Any:
     """The function (rays, lane, si, draws) -> Scattering of the model `kind`, as far as an integrator uses it."""
     bsdf, light_through = MODELS[kind].lane(features), features.transmission
     masks, tilts, hides, guided = features.masks, features.tilts, features.hidden_emitters, features.guided
-    crosses, asks_null = bsdf.transmittance is not None, tells_null(features)
+    has_null_lobe, asks_null = bsdf.transmittance is not None, tells_null(features)
     sample_of, albedos, value_at = bsdf.sample, bsdf.albedos, _make_value(bsdf.evaluate, bsdf.pdf, masks, tilts)
     bends, ior = bsdf.ior is not None, bsdf.ior or 0
     use_value, use_sample, use_specular, use_albedos = uses
@@ -174,7 +175,7 @@ def _make_scatter(features: SceneFeatures, kind: int, uses: Uses) -> Any:
                 if bends:
                     eta_scale = select(rays.guide.by_tree[lane], _eta_scale(si, parameters[ior], found.transmitted), eta_scale)
             if asks_null:
-                null = (crosses & sample.transmitted) | (masks & rays.wrapped.passing[lane])
+                null = (has_null_lobe & sample.transmitted) | (masks & rays.wrapped.passing[lane])
             if hides:
                 value, sample, eta_scale = _unless_absent(rays.crossing.absent[lane], si, value, sample, eta_scale)
                 null = null | rays.crossing.absent[lane]
@@ -263,8 +264,8 @@ def _make_used(uses: Uses, null: bool, bends: bool) -> Any:
     return used
 
 
-def refracts(features: SceneFeatures) -> bool:
-    """Whether some model of the scene bends what it transmits."""
+def keeps_eta_scale(features: SceneFeatures) -> bool:
+    """Whether paths keep `Path.eta_scale`: some model bends what it transmits, or paths are guided."""
     return features.guided or any(MODELS[kind].lane(features).ior is not None for kind in features.bsdfs)
 
 
@@ -276,14 +277,14 @@ def in_stages(features: SceneFeatures) -> bool:
 def make_scattering(features: SceneFeatures, uses: Uses) -> Any:
     """The function (rays, lane, si, draws) -> Scattering that the shade stage calls."""
     if in_stages(features):
-        return _make_load_scattering(features.transmission, uses.sample and refracts(features))
+        return _make_load_scattering(features.transmission, uses.sample and keeps_eta_scale(features))
     kind = features.bsdfs[0] if features.bsdfs else 0
     return _make_scatter(features, kind, uses)
 
 
 def _make(features: SceneFeatures, kind: int, uses: Uses, real: Any) -> Any:
     scatter, alone = _make_scatter(features, kind, uses), len(features.bsdfs) == 1
-    bends = uses.sample and refracts(features)
+    bends = uses.sample and keeps_eta_scale(features)
     used = _make_used(uses, tells_null(features) or features.hidden_emitters, bends)
 
     def scattering(batch, scene_address):

@@ -39,7 +39,7 @@ from engines.kernels.layout import (
     ray_batch,
     scene_table,
 )
-from engines.kernels.stages.scattering import load_draws, load_interaction, make_scattering, refracts
+from engines.kernels.stages.scattering import keeps_eta_scale, load_draws, load_interaction, make_scattering
 from engines.scene import support
 
 INTEGRATORS: Mapping[str, Integrator] = {
@@ -118,7 +118,7 @@ def last_depth(shader: Choice, features: SceneFeatures) -> int:
 
 
 def wanted_draws(shader: Choice, features: SceneFeatures) -> int:
-    """A bit for each draw of a vertex, in the order of `VERTEX_DRAWS`, that the integrator may use in a scene of these
+    """A bit for each draw of a vertex, from `POINT_U0` to `ROULETTE`, that the integrator may use in a scene of these
     features."""
     if shader.plugin is not None:
         return (1 << VERTEX_DRAWS) - 1
@@ -150,7 +150,7 @@ class ShadeFeatures(NamedTuple):
     """Null lobes are crossed freely, with shadow rays too."""
     hides: bool
     """Emitters hide from the camera, and are crossed freely then."""
-    refracts: bool
+    keeps_eta_scale: bool
     """`Path.eta_scale` is kept."""
 
 
@@ -233,7 +233,7 @@ def _has_crossed_many(rays, lane, depth, crosses):
     return crosses & (earlier + 1 >= MOST_NULL_LOBES)
 
 
-class State(NamedTuple):
+class Vertex(NamedTuple):
     """One lane before its step."""
 
     working: bool
@@ -249,8 +249,8 @@ def _load(rays, scene, lane, shading, real):
     light = LightSample(none, real(0), none, real(0))
     if shading.lit:
         light = rays.light_sample[lane]
-    seen = Path(path.throughput, real(path.depth), path.pdf, path.eta_scale if shading.refracts else real(1))
-    return State(rays.alive[lane], path.depth, load_interaction(rays, scene, lane), light, seen)
+    seen = Path(path.throughput, real(path.depth), path.pdf, path.eta_scale if shading.keeps_eta_scale else real(1))
+    return Vertex(rays.alive[lane], path.depth, load_interaction(rays, scene, lane), light, seen)
 
 
 @inline
@@ -316,7 +316,7 @@ def _make(step: Any, scattering: Any, shading: ShadeFeatures, real: Any) -> Any:
             else:
                 result = step(before.si, before.light, bsdf, draws, before.path, options)
                 _store(rays, lane, before, result, False, False, n_lights, shading, left, share, real)
-            if shading.refracts:
+            if shading.keeps_eta_scale:
                 rays.path.eta_scale[lane] = before.path.eta_scale * bsdf.eta_scale
 
     return shade
@@ -333,7 +333,7 @@ def shade_features(integrator: Integrator, features: SceneFeatures) -> ShadeFeat
     both = features.specular_reflection and (features.specular_transmission or features.masks)
     branches = integrator.branches or (integrator.branches_at_specular and both)
     through = lit and features.transmission
-    bends = integrator.roulette and refracts(features)
+    bends = integrator.roulette and keeps_eta_scale(features)
     return ShadeFeatures(
         lit,
         lit and integrator.every_light,

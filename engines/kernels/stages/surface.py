@@ -185,7 +185,7 @@ def _make(features: SceneFeatures, real: Any) -> Any:
 
     def surface(batch, scene_address):
         rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
-        kinds = load(rays, scene)
+        kinds = load(rays, scene)  # before `meet`: it reads the last vertex, which is still in `hit`
         if several:
             meet(rays, kinds)
         inverse_pmf = real(scene.n_lights)

@@ -162,14 +162,14 @@ def _make(triangles: bool, spheres: bool, planes: bool, analytic: tuple[int, ...
         low_x, high_x, low_y, high_y = real(np.inf), real(-np.inf), real(np.inf), real(-np.inf)
         for lane in range(np.uint64(LANES)):
             from_eye, alive, x, y = _project(rays, lane, eye, real)
-            rays.frame_x[lane] = Vec3(x, y, select(alive, real(1), real(-1)))
+            rays.shear_x[lane] = Vec3(x, y, select(alive, real(1), real(-1)))
             secondary_rays += select(alive & (~from_eye), np.int64(1), np.int64(0))
         if n < 0 or secondary_rays > 0:
             call_stage(own.list_stage, batch, scene_address)
             return
         for lane in range(np.uint64(LANES)):
             rays.primitive[lane] = -1
-            seen = rays.frame_x[lane]
+            seen = rays.shear_x[lane]
             if seen.z > real(0):
                 low_x, high_x = min(low_x, seen.x), max(high_x, seen.x)
                 low_y, high_y = min(low_y, seen.y), max(high_y, seen.y)

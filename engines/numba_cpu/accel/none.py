@@ -20,7 +20,7 @@ from engines.kernels.compile.records import REAL, Row, Table, real, rows, scalar
 from engines.kernels.compile.values import const, select
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten import FlatScene
-from engines.kernels.lane.shapes.triangle import Frame, ray_frame, shear, triangle_distance
+from engines.kernels.lane.shapes.triangle import Shear, ray_frame, shear, triangle_distance
 from engines.kernels.lane.vector import Vec3, extent
 from engines.kernels.layout import ACCELERATOR, LANES, RayBatch, SceneTable, TriangleRow, ray_batch, scene_table
 from engines.kernels.stages.linear import (
@@ -196,9 +196,9 @@ def _some_meet(scratch, origin, end, box, shift_share, end_share):
 def _make_frames(rays, direction):
     for lane in range(np.uint64(LANES)):
         frame = ray_frame(direction[lane])
-        rays.frame_x[lane] = frame.x
-        rays.frame_y[lane] = frame.y
-        rays.frame_z[lane] = frame.z
+        rays.shear_x[lane] = frame.x
+        rays.shear_y[lane] = frame.y
+        rays.shear_z[lane] = frame.z
 
 
 @inline
@@ -207,7 +207,7 @@ def _shear_vertices(rays, sheared, vertices, first, last, origin):
         vertex = vertices[k]
         place = (k - first) * (3 * LANES)
         for lane in range(np.uint64(LANES)):
-            frame = Frame(rays.frame_x[lane], rays.frame_y[lane], rays.frame_z[lane])
+            frame = Shear(rays.shear_x[lane], rays.shear_y[lane], rays.shear_z[lane])
             p = shear(frame, vertex - origin[lane])
             sheared[place + np.int64(lane)] = p.x
             sheared[place + LANES + np.int64(lane)] = p.y

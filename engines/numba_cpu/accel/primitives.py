@@ -16,7 +16,7 @@ from engines.kernels.compile.records import Row, vector
 from engines.kernels.compile.values import select
 from engines.kernels.flatten import FlatScene
 from engines.kernels.lane.shapes.sphere import sphere_distance
-from engines.kernels.lane.shapes.triangle import Frame, ray_frame, shear, triangle_distance
+from engines.kernels.lane.shapes.triangle import Shear, ray_frame, shear, triangle_distance
 from engines.kernels.lane.vector import Vec3, extent, to_float64
 from engines.kernels.layout import LANES, SceneTable
 
@@ -38,7 +38,7 @@ class Ray(NamedTuple):
     o: Vec3
     d: Vec3
     inverse: Vec3
-    frame: Frame
+    frame: Shear
     error_bound: float
 
 

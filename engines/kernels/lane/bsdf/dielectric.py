@@ -93,7 +93,7 @@ class _Microfacet(NamedTuple):
 
     reflectance: float
     reflection: float
-    """D(m) / (4 wo.z): times masking, the reflected value (with the cosine), or its density."""
+    """F D(m) / (4 wo.z): times masking, the reflected value (with the cosine), or its density."""
     transmission: float
     """The same of what is refracted: its value."""
 

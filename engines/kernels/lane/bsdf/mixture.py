@@ -22,8 +22,8 @@ _KD, _KS, _KT, _INTERFACE = range(3), range(3, 6), range(6, 9), range(9, 11)
 
 
 class Lobes(NamedTuple):
-    """The three lobes as `si` meets them. `ks` and `kt` are weighted by Fresnel, `scale` is the factor of refraction on
-    radiance."""
+    """The three lobes as `si` meets them. `d`, `r` and `t` are the sums of their weights, Fresnel's included; `scale` is the
+    factor of refraction on radiance."""
 
     kd: Vec3
     ks: Vec3

@@ -13,7 +13,7 @@ from engines.kernels.lane.target import sqrt
 from engines.kernels.lane.vector import Vec3, cross, dot, unit
 
 
-class Frame(NamedTuple):
+class Shear(NamedTuple):
     """A shear that takes a ray to the z axis: points on the ray have x . p = y . p = 0 and t = z . p, p from its origin."""
 
     x: Vec3
@@ -30,7 +30,7 @@ def ray_frame(d):
     along_y = (ay >= az) & (~along_x)
     inverse = 1.0 / select(along_x, d.x, select(along_y, d.y, d.z))
     sx, sy, sz = -d.x * inverse, -d.y * inverse, -d.z * inverse
-    return Frame(
+    return Shear(
         Vec3(
             select(along_x, sy, select(along_y, 0.0, 1.0)),
             select(along_x, 1.0, select(along_y, sz, 0.0)),
