@@ -8,10 +8,15 @@ Right-handed, metres, linear RGB. A `Triple` is three floats. Shapes and lights 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
+from engines.errors import SceneError
+from engines.scene.bsdf import Bump, NormalMap
+from engines.scene.bsdf_tree import members, own_textures
 from engines.scene.cameras import CAMERA, Camera
 from engines.scene.content import content_hash
 from engines.scene.context import SceneReader
@@ -19,7 +24,7 @@ from engines.scene.lights import LIGHTS, Light
 from engines.scene.materials import MATERIAL, Material
 from engines.scene.mesh import Mesh
 from engines.scene.shapes import SHAPE, Shape
-from engines.scene.textures import TEXTURES
+from engines.scene.textures import TEXTURES, MeshAttribute
 from engines.schema.keys import Given, Key, Record, by_name, list_of
 from engines.schema.kinds import TEXT, ContextKind, integer
 from engines.schema.yaml_file import Located
@@ -49,12 +54,35 @@ class Scene:
     shader: Mapping[str, Any] | None = None
     native: Any = None
 
+    def __post_init__(self) -> None:
+        if lacks := _attributes_lack(self.materials, self.shapes):
+            raise SceneError(f"{self.source}: {lacks}" if self.source else lacks)
+
     @property
     def identity(self) -> str:
         """What identifies a request for images of the scene: its content, and that of the file it came from."""
         if self.native is None:
             return self.content_hash
         return hashlib.sha256(f"{self.content_hash} {self.native.digest}".encode()).hexdigest()
+
+
+def _attributes_lack(materials: Sequence[Material], shapes: Sequence[Shape]) -> str | None:
+    """One sentence on the first attribute that a shape does not have and its material shows, or that gives a normal."""
+    shown = [material.attributes for material in materials]
+    if not any(shown):
+        return None
+    for material in materials:
+        tilts = (part for part in members(material.bsdf) if isinstance(part, Bump | NormalMap))
+        if attribute := next((each for part in tilts for each in own_textures(part) if isinstance(each, MeshAttribute)), None):
+            return f"material {material.name!r}: the attribute {attribute.name!r} is no height and gives no normals"
+    for index, shape in enumerate(shapes):
+        known = shape.attributes if isinstance(shape, Mesh) else {}
+        for which in np.unique(shape.materials).tolist() if isinstance(shape, Mesh) else [shape.material]:
+            for name in sorted(shown[which] - known.keys()):
+                who = f"the mesh {shape.name!r}" if isinstance(shape, Mesh) else f"a {type(shape).__name__.lower()}"
+                where = f"shapes[{index}]: material {materials[which].name!r}"
+                return f"{where} shows the attribute {name!r}, which {who} does not have"
+    return None
 
 
 def _materials(node: Located, context: SceneReader) -> None:
