@@ -54,10 +54,6 @@ class Scene:
     shader: Mapping[str, Any] | None = None
     native: Any = None
 
-    def __post_init__(self) -> None:
-        if lacks := _attributes_lack(self.materials, self.shapes):
-            raise SceneError(f"{self.source}: {lacks}" if self.source else lacks)
-
     @property
     def identity(self) -> str:
         """What identifies a request for images of the scene: its content, and that of the file it came from."""
@@ -66,7 +62,14 @@ class Scene:
         return hashlib.sha256(f"{self.content_hash} {self.native.digest}".encode()).hexdigest()
 
 
-def _attributes_lack(materials: Sequence[Material], shapes: Sequence[Shape]) -> str | None:
+def check_attributes(context: SceneReader, shapes: Sequence[Shape]) -> None:
+    """Raises `SceneError` where `attributes_lack` finds something, in scenes that have such textures."""
+    has_some = any(isinstance(texture, MeshAttribute) for texture in context.textures.values())
+    if has_some and (lacks := attributes_lack(context.table.materials, shapes)):
+        raise SceneError(f"{context.source}: {lacks}" if context.source else lacks)
+
+
+def attributes_lack(materials: Sequence[Material], shapes: Sequence[Shape]) -> str | None:
     """One sentence on the first attribute that a shape does not have and its material shows, or that gives a normal."""
     shown = [material.attributes for material in materials]
     if not any(shown):
@@ -95,6 +98,7 @@ def _materials(node: Located, context: SceneReader) -> None:
 def _scene(given: Given, context: SceneReader) -> Scene:
     camera, materials = given["camera"], context.table.materials
     shapes, lights = given["shapes"] or [], given["lights"] or []
+    check_attributes(context, shapes)
     return Scene(
         name=given["name"] or context.name,
         camera=camera,

@@ -141,9 +141,6 @@ def finished(
     attributes: Attributes | None = None,
 ) -> Mesh:
     """The mesh of these arrays, read-only, with the material of `look`."""
-    attributes = attributes or {}
-    for name in sorted(look.attributes - attributes.keys()):
-        raise plugin.refuse(f"has no attribute {name!r}, which its {look.name} shows")
     material = importer.material(look.bsdf, look.radiance, look.name)
     return read_only_mesh(vertices, faces, np.full(len(faces), material), normals, plugin.id or plugin.type, uvs, attributes)
 
@@ -228,6 +225,8 @@ def _from_file(importer: Importer, plugin: Plugin, look: Look) -> Mesh:
     if key not in importer.built:
         importer.built[key] = _read(importer, plugin, look)
     vertices, faces, normals, uvs, named = importer.built[key]
+    for name in sorted(look.attributes - named.keys()):
+        raise plugin.refuse(f"material {look.name!r} shows the attribute {name!r}, which the file does not have")
     if importer.outer is not None:
         vertices = placed(importer.outer, vertices)
         normals = None if normals is None else transformed_normals(importer.outer, normals)

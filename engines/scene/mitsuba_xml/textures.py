@@ -170,7 +170,9 @@ def _mesh_attribute(importer: Importer, plugin: Plugin, role: str) -> MeshAttrib
     name = "vertex_color" if plugin.type == "vertexcolors" else plugin.text("name")
     if name is None or not is_attribute(name):
         raise plugin.refuse(f"name: must begin with {' or '.join(PREFIXES)}")
-    return MeshAttribute(name, plugin.number("scale", default=1.0, low=0.0))
+    made = MeshAttribute(name, plugin.number("scale", default=1.0, low=0.0))
+    importer.reader.textures[name] = made
+    return made
 
 
 def _constant(importer: Importer, plugin: Plugin, role: str) -> Triple:
