@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
+from itertools import groupby
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -204,19 +205,17 @@ def _attributes(of: str, columns: Columns) -> dict[str, NDArray[np.float32] | st
     vertex_foo_color, `foo_x, foo_y, foo_z` or `foo_0` vertex_foo. Of those that cannot be used, why."""
     found: dict[str, NDArray[np.float32] | str] = {}
     names = [name for name, column in columns.items() if not column.property.count_type]
-    own = next((each for each in COLORS if {*each[:3]} <= {*names}), None)
-    if own is not None:
-        found[f"{of}_color"] = _attribute([columns[name] for name in own if name in names])
-    place = 0
-    while place < len(names):
-        stem, _, last = names[place].rpartition("_")
-        sequence = next((each for each in SUFFIXES if each[0] == last and stem), ())
-        wanted = [f"{stem}_{each}" for each in sequence]
-        count = next(n for n in range(len(wanted), -1, -1) if names[place : place + n] == wanted[:n])
-        name = f"{of}_{stem}{SUFFIXES[sequence]}" if sequence else ""
-        if count and name not in found:
-            found[name] = _attribute([columns[each] for each in wanted[:count]])
-        place += max(count, 1)
+    color = next((each for each in COLORS if {*each[:3]} <= {*names}), ())
+    if color:
+        found[f"{of}_color"] = _attribute([columns[name] for name in color if name in columns])
+    met = {""}
+    for stem, group in groupby(names, lambda name: name.rpartition("_")[0]):
+        own = [*group]
+        last = tuple(name.rpartition("_")[2] for name in own)
+        ending = next((ending for sequence, ending in SUFFIXES.items() if sequence[: len(last)] == last), None)
+        if stem not in met and ending is not None:
+            found.setdefault(f"{of}_{stem}{ending}", _attribute([columns[name] for name in own]))
+        met.add(stem)
     return found
 
 
@@ -297,7 +296,4 @@ def write_ply(
 
 def _properties(name: str, count: int) -> list[str]:
     """The properties that are read as an attribute with this name, less what it begins with."""
-    if count == 3 and name == "color":
-        return [*COLORS[0][:3]]
-    stem = name.removesuffix("_color")
-    return [f"{stem}_{last}" for last in ("rgb" if stem and stem != name else "012")[:count]]
+    return [*COLORS[0][:3]] if (name, count) == ("color", 3) else [f"{name}_{number}" for number in range(count)]
