@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.errors import SceneError, suggestion
-from engines.scene.attributes import PREFIXES, is_attribute
+from engines.scene.attributes import FACE, PREFIXES, is_attribute
 from engines.scene.files import Place
 from engines.scene.formats.texture import CHANNELS, linear, read_texels
 from engines.scene.geometry import read_only
@@ -64,6 +64,11 @@ class MeshAttribute:
 
     name: str
     scale: float = 1.0
+
+    @property
+    def of_faces(self) -> bool:
+        """Whether faces have it, and not vertices."""
+        return self.name.startswith(FACE)
 
 
 Texture = ImageTexture | Checkerboard | MeshAttribute

@@ -30,7 +30,6 @@ from engines.scene import (
     Texture,
     Triple,
 )
-from engines.scene.attributes import FACE
 from engines.scene.bsdf_tree import leaves, transmits
 
 LEAF, SIDES, MASK, BLEND, BUMP, NORMAL_MAP = range(6)
@@ -89,14 +88,14 @@ def _is_textured(leaf: Any) -> bool:
 
 class Programs:
     """The programs of the materials in use, `used`; those of `on_uvs` are met on meshes that have texture coordinates.
-    `attribute_rows` gives the values of an attribute by its name."""
+    `attribute_rows` gives the values of an attribute."""
 
     def __init__(
         self,
         materials: tuple[Material, ...],
         used: Iterable[int],
         on_uvs: Iterable[int],
-        attribute_rows: Callable[[str], NDArray[np.float32]],
+        attribute_rows: Callable[[MeshAttribute], NDArray[np.float32]],
     ) -> None:
         self._attribute_rows = attribute_rows
         self.materials = materials
@@ -186,10 +185,10 @@ class Programs:
         if isinstance(texture, Checkerboard):
             row = TextureRow.packed(kind=CHECKERBOARD, to_uv=texture.to_uv, a=texture.a, b=texture.b)
         elif isinstance(texture, MeshAttribute):
-            kind = FACE_ATTRIBUTE if texture.name.startswith(FACE) else VERTEX_ATTRIBUTE
+            kind = FACE_ATTRIBUTE if texture.of_faces else VERTEX_ATTRIBUTE
             row = TextureRow.packed(kind=kind, a=(texture.scale,) * 3)
             if texture.name not in self._images:
-                self._images[texture.name] = self._attribute_rows(texture.name)
+                self._images[texture.name] = self._attribute_rows(texture)
             pixels = self._images[texture.name]
         else:
             pixels = self._pixels(texture)

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from engines.kernels.compile.jit import kernel
 from engines.kernels.lane.shapes import cylinder, disk
 from engines.kernels.layout import SHAPE_PARAMETERS, UVRow
-from engines.scene import Cylinder, Disk, Mesh, Plane, Sphere, SphereSet, Triangle
-from engines.scene.attributes import FACE
+from engines.scene import Cylinder, Disk, Mesh, MeshAttribute, Plane, Sphere, SphereSet, Triangle
 
 TRIANGLE, SPHERE, PLANE, DISK, CYLINDER = range(5)
 
@@ -143,14 +142,13 @@ class Geometry:
             first += n
         return rows
 
-    def attribute_rows(self, name: str) -> NDArray[np.float32]:
+    def attribute_rows(self, shown: MeshAttribute) -> NDArray[np.float32]:
         """(vertices, 3), or (triangles, 3) of an attribute of faces; 0 of meshes without it. One number is three."""
-        of_faces = name.startswith(FACE)
-        rows = np.zeros((self.counts["triangles"] if of_faces else self.n_vertices, 3), np.float32)
+        rows = np.zeros((self.counts["triangles"] if shown.of_faces else self.n_vertices, 3), np.float32)
         for vertex, triangle, attributes in self.attributes:
-            if name in attributes:
-                first = triangle if of_faces else vertex
-                rows[first : first + len(attributes[name])] = attributes[name]
+            if (values := attributes.get(shown.name)) is not None:
+                first = triangle if shown.of_faces else vertex
+                rows[first : first + len(values)] = values
         return rows
 
     def bounds(self) -> Reals:
