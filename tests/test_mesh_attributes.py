@@ -8,9 +8,11 @@ import pytest
 
 import engines
 from engines import Settings
+from engines.errors import Unsupported
 from engines.kernels.features import FeatureReader
 from engines.kernels.flatten.scene import flatten
 from engines.kernels.stages import textures
+from engines.peers.export import export
 from engines.scene import (
     Blend,
     Bump,
@@ -30,6 +32,7 @@ from engines.scene import (
     Sphere,
     Triangle,
 )
+from tests.adapters import tiny
 
 SIDE = 24
 CORNERS = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0.2]], float)
@@ -121,6 +124,14 @@ def test_a_scene_without_attributes_has_kernels_without_them():
     assert reader.read == {"attributes": False}
     assert textures.make_color(features[0]) is not textures.make_color(features[1])
     assert textures.make_color(features[1]) is textures.make_color(features[1]._replace(textures=False))
+
+
+def test_others_decline_them(tmp_path):
+    scene = replace(attributes_everywhere(), lights=(), shapes=(square((0, 0, 0), 0),))
+    with pytest.raises(Unsupported, match="material 'm0': pbrt does not support the texture MeshAttribute"):
+        export(scene, "pbrt", tmp_path / "s.pbrt")
+    settings = Settings(shader={"name": "path_tracer", "rr_depth": 5}, sampler="random")
+    assert tiny.Engine().why_not(scene, settings) == "material 'm0': tiny does not support the texture MeshAttribute"
 
 
 def test_attributes_are_kept_once_for_all_textures_that_show_them():
