@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-VERTEX, FACE = PREFIXES = ("vertex_", "face_")
+VERTEX, FACE = "vertex_", "face_"
 """How the names of attributes begin, by what they belong to."""
+EXPECTED_NAME = "must begin with vertex_ or face_, and go on with letters, digits and _"
 Attributes = Mapping[str, NDArray[np.float32]]
 """By name, (n, 3) or (n, 1) values in [0, 1] of n vertices or faces, read-only."""
 
 
 def is_attribute(name: str) -> bool:
     """Whether an attribute may have this name."""
-    return any(name.startswith(prefix) and name != prefix for prefix in PREFIXES)
+    return re.fullmatch(r"(vertex|face)_\w+", name, re.ASCII) is not None
 
 
 def checked_attributes(attributes: Mapping[str, Any], vertices: int, faces: int) -> dict[str, NDArray[np.float32]]:
@@ -26,7 +28,7 @@ def checked_attributes(attributes: Mapping[str, Any], vertices: int, faces: int)
 
 def _checked(name: str, values: Any, rows: int) -> NDArray[np.float32]:
     if not is_attribute(name):
-        raise ValueError(f"attribute {name!r}: must begin with {' or '.join(PREFIXES)}")
+        raise ValueError(f"attribute {name!r}: {EXPECTED_NAME}")
     array = np.asarray(values)
     if array.dtype.kind not in "iuf" or array.shape not in ((rows, 1), (rows, 3)):
         expected = f"must be {rows} rows of 1 or 3 numbers"

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.errors import SceneError, suggestion
-from engines.scene.attributes import FACE, PREFIXES, is_attribute
+from engines.scene.attributes import EXPECTED_NAME, FACE, is_attribute
 from engines.scene.files import Place
 from engines.scene.formats.texture import CHANNELS, linear, read_texels
 from engines.scene.geometry import read_only
@@ -230,7 +230,7 @@ _CHECKERBOARD = Record(
 def _attribute_name(node: Located) -> str:
     name = fields.text(node)
     if not is_attribute(name):
-        raise node.refuse(f"must begin with {' or '.join(PREFIXES)}")
+        raise node.refuse(EXPECTED_NAME)
     return name
 
 

@@ -223,6 +223,7 @@ def test_bumps_and_normal_maps_take_no_attributes():
     [
         ({"attribute": "color"}, "tint.attribute = 'color': must begin with vertex_ or face_"),
         ({"attribute": "vertex_"}, "must begin with vertex_ or face_"),
+        ({"attribute": "vertex_two words"}, "and go on with letters, digits and _"),
         ({"attribute": "vertex_color", "scale": -1}, "tint.scale = -1: must lie in [0, inf]"),
         ({"attribute": "vertex_color", "offset": [0, 0]}, "tint.offset: unknown key"),
     ],

@@ -8,7 +8,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene.attributes import PREFIXES, is_attribute
+from engines.scene.attributes import EXPECTED_NAME, is_attribute
 from engines.scene.geometry import read_only
 from engines.scene.mitsuba_xml.colors import EMISSION, HOTTEST, REFLECTANCE, checked_color, color, of_black_body, of_samples
 from engines.scene.mitsuba_xml.context import Importer
@@ -169,7 +169,7 @@ def _mesh_attribute(importer: Importer, plugin: Plugin, role: str) -> MeshAttrib
     """The `vertexcolors` of Mitsuba 0.x have no name."""
     name = "vertex_color" if plugin.type == "vertexcolors" else plugin.text("name")
     if name is None or not is_attribute(name):
-        raise plugin.refuse(f"name: must begin with {' or '.join(PREFIXES)}")
+        raise plugin.refuse(f"name: {EXPECTED_NAME}")
     made = MeshAttribute(name, plugin.number("scale", default=1.0, low=0.0))
     importer.reader.textures[name] = made
     return made
