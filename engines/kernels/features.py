@@ -54,6 +54,8 @@ class SceneFeatures(NamedTuple):
     programs: bool = False
     """Some material has a program: textures, or models wrapped by others."""
     textures: bool = False
+    attributes: bool = False
+    """Some texture is an attribute of meshes."""
     uvs: bool = False
     """Some mesh that a program meets has texture coordinates."""
     choices: bool = False

@@ -363,7 +363,7 @@ class SceneTable(Table):
     leaves = rows(LeafRow)
     lookups = rows(LookupRow)
     textures = rows(TextureRow)
-    texels = array(np.int64)  # addresses of the images
+    texels = array(np.int64)  # addresses of the images, and of three numbers for each vertex or triangle of the scene
     vertex_uvs = rows(UVRow)
     # where some surface emits what a texture holds
     emission_textures = array(np.int32)  # a material: the texture, -1 for none

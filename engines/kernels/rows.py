@@ -102,8 +102,8 @@ class LookupRow(Row):
 
 
 class TextureRow(Row):
-    """Of an image: texels, filter and wrap; of a checkerboard: its two colours. Then the matrix of `to_uv`, and whether the
-    image has a palette (`engines.kernels.flatten.palettes`)."""
+    """Of an image: texels, filter and wrap; of a checkerboard: its two colours; of an attribute of meshes: its scale, in `a`.
+    Then the matrix of `to_uv`, and whether the image has a palette (`engines.kernels.flatten.palettes`)."""
 
     dtype = np.float64
     kind = real()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -54,13 +55,16 @@ class SurfaceInteraction(NamedTuple):
     """(2, n) texture coordinates; None in scenes that need none."""
     dp_dv: Array | None = None
     """(3, n) derivative of the point by the shape's second coordinate; None in scenes that need none."""
+    attributes: Mapping[str, Array] = {}
+    """(3, n) each, by name, where the material needs texture coordinates."""
     wrapped: Wrapped | None = None
     """None in scenes without wrappers, and before they have been walked. Afterwards `normal` and `dp_du` are the leaf's."""
 
     def take(self, lanes: Indices) -> SurfaceInteraction:
         """The interactions at some of the points."""
-        taken: list[Any] = [None if field is None else field.take(lanes, axis=-1) for field in self[:-1]]
-        found = SurfaceInteraction(*taken)
+        taken: list[Any] = [None if field is None else field.take(lanes, axis=-1) for field in self[:-2]]
+        attributes = {name: values.take(lanes, axis=1) for name, values in self.attributes.items()}
+        found = SurfaceInteraction(*taken, attributes)
         return found if self.wrapped is None else found._replace(wrapped=self.wrapped.take(lanes))
 
     def leave(self, inwards: bool = False) -> Array:
@@ -101,14 +105,18 @@ def surface_interaction(
 def _with_coordinates(
     at: SurfaceInteraction, geometry: Geometry, origin: Array, direction: Array, placed: Mask
 ) -> SurfaceInteraction:
-    """With (u, v) and their derivatives where the material needs them, 0 elsewhere."""
+    """With (u, v), their derivatives and the attributes of meshes where the material needs them, 0 elsewhere."""
     uv, dp_du, dp_dv = np.zeros((2, at.material.size)), at.dp_du.copy(), np.zeros_like(at.dp_du)
+    attributes: dict[str, Array] = {}
     some = np.flatnonzero(placed[at.material])
     for primitives, chosen, index in geometry.by_kind(at.primitive_id[some]):
         lanes = some[chosen]
         rays = (vectors.take(lanes, axis=1) for vectors in (origin, direction, at.point))
-        uv[:, lanes], dp_du[:, lanes], dp_dv[:, lanes] = primitives.coordinates(index, *rays)
-    return at._replace(uv=uv, dp_du=dp_du, dp_dv=dp_dv)
+        place = primitives.coordinates(index, *rays)
+        uv[:, lanes], dp_du[:, lanes], dp_dv[:, lanes] = place[:3]
+        for name, values in place.attributes.items():
+            attributes.setdefault(name, np.zeros_like(dp_du))[:, lanes] = values
+    return at._replace(uv=uv, dp_du=dp_du, dp_dv=dp_dv, attributes=attributes)
 
 
 def barycentric(geometry: Geometry, origin: Array, direction: Array, primitive_id: Indices) -> tuple[Array, Array]:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engines.numpy_reference.vectors import Array, Indices, Mask
-from engines.scene import Checkerboard, Color, ImageTexture, Number, Texture
+from engines.scene import Checkerboard, Color, ImageTexture, MeshAttribute, Number, Texture
 
 LUMINANCE = (0.212671, 0.715160, 0.072169)
 """Weights of linear red, green and blue where a texture stands for one number."""
@@ -21,6 +21,11 @@ class HasUV(Protocol):
     @property
     def uv(self) -> Array | None:
         """(2, n), None in scenes that need none."""
+        ...
+
+    @property
+    def attributes(self) -> Mapping[str, Array]:
+        """(3, n) each, of meshes, by name."""
         ...
 
 
@@ -93,7 +98,9 @@ class _Textures:
         place = self._place[member[lanes]]
         for number in np.unique(place):
             here = lanes[place == number]
-            value = self._lookup(self._listed[number], texture_coordinates(at).take(here, axis=1))
+            texture = self._listed[number]
+            shown = at.attributes[texture.name] if isinstance(texture, MeshAttribute) else texture_coordinates(at)
+            value = self._lookup(texture, shown.take(here, axis=1))
             found[..., here] = np.clip(value, self._low, self._high)
 
 
@@ -105,7 +112,9 @@ def texture_coordinates(at: HasUV) -> Array:
 
 
 def color(texture: Texture, uv: Array) -> Array:
-    """(3, n) values at (u, v), (2, n); an image of one channel gives grey."""
+    """(3, n) values at (u, v), (2, n), or of an attribute's values (3, n); an image of one channel gives grey."""
+    if isinstance(texture, MeshAttribute):
+        return texture.scale * uv
     place = _placed(texture, uv)
     if isinstance(texture, Checkerboard):
         return np.where(_first(place), *(np.array(colour)[:, None] for colour in (texture.a, texture.b)))
@@ -113,7 +122,9 @@ def color(texture: Texture, uv: Array) -> Array:
 
 
 def number(texture: Texture, uv: Array) -> Array:
-    """(n,) values at (u, v), (2, n): the luminance of RGB."""
+    """(n,) values at (u, v), (2, n), or of an attribute's values (3, n): the luminance of RGB."""
+    if isinstance(texture, MeshAttribute):
+        return _luminance(color(texture, uv))
     place = _placed(texture, uv)
     if isinstance(texture, Checkerboard):
         return np.where(_first(place), _luminance(np.array(texture.a)), _luminance(np.array(texture.b)))
@@ -135,12 +146,16 @@ def gradient(texture: ImageTexture, uv: Array) -> tuple[Array, Array]:
 
 def _mean_color(texture: Texture, high: float) -> Array:
     """(3,) of the colours held in [0, `high`]."""
+    if isinstance(texture, MeshAttribute):
+        return np.full(3, min(0.5 * texture.scale, high))
     if isinstance(texture, Checkerboard):
         return 0.5 * (np.clip(texture.a, 0.0, high) + np.clip(texture.b, 0.0, high))
     return np.broadcast_to(np.clip(texture.pixels, 0.0, high).mean(axis=(0, 1), dtype=np.float64), (3,))
 
 
 def _largest_color(texture: Texture) -> Array:
+    if isinstance(texture, MeshAttribute):
+        return np.full(3, texture.scale)
     if isinstance(texture, Checkerboard):
         return np.maximum(texture.a, texture.b)
     return np.broadcast_to(texture.pixels.max(axis=(0, 1)).astype(np.float64), (3,))
@@ -148,6 +163,8 @@ def _largest_color(texture: Texture) -> Array:
 
 def _largest_number(texture: Texture) -> Array:
     """A bound, not quite reached where the channels have their maxima in different texels."""
+    if isinstance(texture, MeshAttribute):
+        return np.float64(texture.scale)
     if isinstance(texture, Checkerboard):
         return np.maximum(_luminance(np.array(texture.a)), _luminance(np.array(texture.b)))
     return _luminance(texture.pixels.max(axis=(0, 1)).astype(np.float64))
@@ -160,7 +177,7 @@ def _luminance(channels: Array) -> Array:
     return LUMINANCE[0] * channels[0] + LUMINANCE[1] * channels[1] + LUMINANCE[2] * channels[2]
 
 
-def _placed(texture: Texture, uv: Array) -> Array:
+def _placed(texture: ImageTexture | Checkerboard, uv: Array) -> Array:
     """(2, n) the (u', v') of the texture."""
     m = np.reshape(texture.to_uv, (2, 3))
     with np.errstate(over="ignore", invalid="ignore"):

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from engines.scene.models import LEAVES, ROUGHNESS, Leaf
-from engines.scene.textures import NAMED, ImageTexture, Number, Texture, named_texture
+from engines.scene.textures import NAMED, Checkerboard, ImageTexture, MeshAttribute, Number, Texture, named_texture
 from engines.schema.keys import Given, Key, Record
 from engines.schema.kinds import NUMBER, ContextKind
 from engines.schema.yaml_file import Located
@@ -93,10 +93,13 @@ class Bump:
     of: Bsdf
 
 
+NO_SLOPE = {Checkerboard: "a checkerboard", MeshAttribute: "an attribute of meshes"}
+
+
 def _height(node: Located, context: Any) -> ImageTexture:
     texture = named_texture(node, context)
     if not isinstance(texture, ImageTexture):
-        raise node.refuse("must be an image: a checkerboard has no slope")
+        raise node.refuse(f"must be an image: {NO_SLOPE[type(texture)]} has no slope")
     return texture
 
 
@@ -121,6 +124,8 @@ class NormalMap:
 
 def _map(node: Located, context: Any) -> Texture:
     texture = named_texture(node, context)
+    if isinstance(texture, MeshAttribute):
+        raise node.refuse("must be an image or a checkerboard: attributes of meshes give no normals")
     if node.value in context.images.srgb:
         raise node.refuse("its texels are sRGB-encoded, and those of a normal map are not: give it color_space: raw")
     return texture

@@ -38,7 +38,7 @@ LATER = {
 def content_hash(camera: Camera, materials: Sequence[Material], shapes: Sequence[Shape], lights: Sequence[Light]) -> str:
     """sha256, in hexadecimal, over the camera without its resolution, the shapes in order with their materials by
     value, and the lights in order. Materials that no shape uses do not count, and neither do a mesh's texture coordinates
-    where none of its materials looks at them."""
+    and attributes where none of its materials looks at them."""
     digest = hashlib.sha256(VERSION)
     _feed(digest, _camera(camera))
     values = [_material(material) for material in materials]
@@ -47,6 +47,8 @@ def content_hash(camera: Camera, materials: Sequence[Material], shapes: Sequence
             _feed(digest, ["Mesh", shape.vertices, shape.faces, shape.normals, *_mesh_materials(shape, values)])
             if shape.uvs is not None and any(materials[index].uses_uvs for index in np.unique(shape.materials)):
                 _feed(digest, ["uvs", shape.uvs])
+            if shape.attributes and (shown := set().union(*(materials[i].attributes for i in np.unique(shape.materials)))):
+                _feed(digest, ["attributes", {name: shape.attributes[name] for name in shown & shape.attributes.keys()}])
         else:
             _feed(digest, [_fields(shape, {"material", "name"}), values[shape.material]])
     for light in lights:

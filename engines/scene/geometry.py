@@ -96,13 +96,15 @@ def read_only(array: A) -> A:
 
 
 class Smooth(NamedTuple):
-    """A mesh with a unit normal at each vertex. `replaced` counts the corners that have the normal of their face."""
+    """A mesh with a unit normal at each vertex. `replaced` counts the corners that have the normal of their face, and `copied`
+    are the vertices of which copies stand behind the others."""
 
     vertices: NDArray[np.float64]
     faces: NDArray[np.int32]
     normals: NDArray[np.float64]
     uvs: NDArray[np.float64] | None
     replaced: int
+    copied: NDArray[np.int32]
 
 
 def with_face_normals(
@@ -111,7 +113,7 @@ def with_face_normals(
     """The mesh with a vertex of its own, and the normal of its face, for each corner whose normal is zeros."""
     lacking = lacks_normal(normals)
     if not lacking.any():
-        return Smooth(vertices, faces, normals, uvs, 0)
+        return Smooth(vertices, faces, normals, uvs, 0, np.zeros(0, np.int32))
     face, corner = np.nonzero(lacking[faces])
     normals = np.where(lacking[:, None], UP, normals)  # of vertices that no face has any more
     own = unit_rows(face_normals(vertices, faces[face]))
@@ -119,7 +121,8 @@ def with_face_normals(
     vertex, faces = faces[face, corner], faces.copy()
     faces[face, corner] = np.arange(len(vertices), len(vertices) + len(face))
     more = None if uvs is None else np.concatenate([uvs, uvs[vertex]])
-    return Smooth(np.concatenate([vertices, vertices[vertex]]), faces, np.concatenate([normals, own]), more, len(face))
+    apart, normals = np.concatenate([vertices, vertices[vertex]]), np.concatenate([normals, own])
+    return Smooth(apart, faces, normals, more, len(face), vertex)
 
 
 def fans(counts: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Collection
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from engines.errors import SceneError
+from engines.scene.attributes import Attributes, checked_attributes, of_copies
 from engines.scene.context import SceneReader
 from engines.scene.formats.mesh import MeshData, read_mesh
 from engines.scene.geometry import read_only, unit_rows, vertex_normals, with_face_normals
@@ -34,6 +37,9 @@ class Mesh:
 
     `normals` (n, 3) unit vertex normals, or None where the mesh is flat-shaded. Faces of zero area may occur: they are
     never hit and never sampled. `uvs` (n, 2) float64 are texture coordinates of the vertices, or None.
+
+    `attributes` are float32 values in [0, 1], (n, 3) or (n, 1) of each vertex ("vertex_color"), (m, 3) or (m, 1) of each face
+    ("face_color"). Arrays of other types, and those that can be written to, are copied. Raises `SceneError` for what is none.
     """
 
     vertices: NDArray[np.float64]
@@ -42,6 +48,15 @@ class Mesh:
     normals: NDArray[np.float64] | None = None
     name: str = "mesh"
     uvs: NDArray[np.float64] | None = None
+    attributes: Attributes = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.attributes:
+            try:
+                checked = checked_attributes(self.attributes, len(self.vertices), len(self.faces))
+            except ValueError as problem:
+                raise SceneError(f"{self.name}: {problem}") from problem
+            object.__setattr__(self, "attributes", checked)
 
     def bounds(self) -> NDArray[np.float64] | None:
         """(2, 3) lowest and highest coordinates of the faces; None where there are none."""
@@ -56,11 +71,13 @@ def read_only_mesh(
     normals: NDArray[np.float64] | None,
     name: str,
     uvs: NDArray[np.float64] | None = None,
+    attributes: Attributes | None = None,
 ) -> Mesh:
     """The mesh of these arrays, or of copies in the types of `Mesh`; nobody may write to them any more."""
     normals, uvs = (None if rows is None else read_only(np.ascontiguousarray(rows, np.float64)) for rows in (normals, uvs))
     faces, materials = (read_only(np.ascontiguousarray(array, np.int32)) for array in (faces, materials))
-    return Mesh(read_only(np.ascontiguousarray(vertices, np.float64)), faces, materials, normals, name, uvs)
+    vertices = read_only(np.ascontiguousarray(vertices, np.float64))
+    return Mesh(vertices, faces, materials, normals, name, uvs, attributes or {})
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,24 +98,28 @@ class SphereSet:
 def _mesh(given: Given, context: SceneReader) -> Mesh:
     smooth, several = given["smooth"], context.face_materials
     material = several[0] if several else context.material
-    uvs = material is not None and any(context.table.materials[each].uses_uvs for each in several or [material])
+    shown = [] if material is None else [context.table.materials[each] for each in several or [material]]
+    uvs, attributes = any(each.uses_uvs for each in shown), set[str]().union(*(each.attributes for each in shown))
     if given.has("file"):
         if given.has("uvs"):
             raise given.node.refuse_key("uvs", "belongs to vertices that are listed: a file has its own")
-        data = read_mesh(given.at("file"), context, smooth, uvs, material is None, _shape_index(given))
+        if given.has("attributes"):
+            raise given.node.refuse_key("attributes", "belongs to vertices that are listed: a file has its own")
+        data = read_mesh(given.at("file"), context, smooth, uvs, material is None, _shape_index(given), attributes)
         context.warnings += data.warnings
     else:
-        data = _inline(given, uvs)
+        data = _inline(given, uvs, attributes)
     materials = _face_materials(given, context, data)
     data = _placed(given, data)
     name = given["file"] or "inline mesh"
     if not smooth:
-        return read_only_mesh(data.vertices, data.faces, materials, None, name, data.uvs)
+        return read_only_mesh(data.vertices, data.faces, materials, None, name, data.uvs, data.attributes)
     normals = smooth_normals(data) if data.normals is None else data.normals
     made = with_face_normals(data.vertices, data.faces, normals, data.uvs)
     if made.replaced:
         context.warnings.append(f"{name}: {faceted(made.replaced)}")
-    return read_only_mesh(made.vertices, made.faces, materials, made.normals, name, made.uvs)
+    attributes_made = of_copies(data.attributes, made.copied)
+    return read_only_mesh(made.vertices, made.faces, materials, made.normals, name, made.uvs, attributes_made)
 
 
 def faceted(corners: int) -> str:
@@ -123,7 +144,7 @@ def smooth_normals(data: MeshData) -> NDArray[np.float64]:
     return vertex_normals(whole, data.origins[data.faces].astype(np.int32))[data.origins]
 
 
-def _inline(given: Given, with_uvs: bool) -> MeshData:
+def _inline(given: Given, with_uvs: bool, attributes: Collection[str]) -> MeshData:
     vertices = fields.rows(given["vertices"], np.float64)
     if len(vertices) == 0:
         raise given["vertices"].refuse("must not be empty")
@@ -135,7 +156,28 @@ def _inline(given: Given, with_uvs: bool) -> MeshData:
         uvs = fields.rows(given["uvs"], np.float64, width=2)
         if len(uvs) != len(vertices):
             raise given["uvs"].refuse(f"{len(uvs)} pairs for {len(vertices)} vertices: one for each is expected")
-    return MeshData(vertices, faces, uvs=uvs if with_uvs else None)
+    try:
+        named = checked_attributes(given["attributes"] or {}, len(vertices), len(faces))
+    except ValueError as problem:
+        raise given.at("attributes").refuse(str(problem)) from problem
+    shown = {name: values for name, values in named.items() if name in attributes}
+    return MeshData(vertices, faces, uvs=uvs if with_uvs else None, attributes=shown)
+
+
+def _attributes(node: Located) -> dict[str, NDArray[Any]]:
+    """By name, the rows of an array or of lists."""
+    if not isinstance(node.value, dict):
+        raise node.refuse("must be a mapping from names of attributes to rows of numbers")
+    return {name: _numbers(rows) for name, rows in node.value.items()}
+
+
+def _numbers(node: Located) -> NDArray[Any]:
+    if isinstance(node.value, np.ndarray):
+        return node.value
+    try:
+        return np.array(node.plain())
+    except ValueError as problem:
+        raise node.refuse("must be rows of 1 or 3 numbers") from problem
 
 
 def _face_materials(given: Given, context: SceneReader, data: MeshData) -> NDArray[np.int32]:
@@ -206,6 +248,7 @@ def _placed(given: Given, data: MeshData) -> MeshData:
     return replace(data, vertices=vertices, normals=normals, faces=faces)
 
 
+_ATTRIBUTE = {"type": "array", "items": array_of(NUMBER.json, 1, 3)}
 _PAIRS = {"type": "array", "items": array_of(NUMBER.json, 2)}
 MESH = Record(
     "Triangles from a file, or listed.",
@@ -217,6 +260,12 @@ MESH = Record(
         "uvs": Key(
             Kind(lambda node: node, _PAIRS),
             "Texture coordinates [u, v], one pair for each vertex; v = 0 is the top of an image.",
+            None,
+        ),
+        "attributes": Key(
+            Kind(_attributes, {"type": "object", "additionalProperties": _ATTRIBUTE}),
+            "Numbers in [0, 1] by names for textures: rows of 1 or 3, one for each vertex where the name begins with vertex_, "
+            "one for each face where it begins with face_.",
             None,
         ),
         "scale": Key(Kind(_scale, {"anyOf": [POSITIVE.json, POINT.json]}), "Factor of coordinates, or one for each axis.", 1),

@@ -8,10 +8,15 @@ Right-handed, metres, linear RGB. A `Triple` is three floats. Shapes and lights 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
+from engines.errors import SceneError
+from engines.scene.bsdf import Bump, NormalMap
+from engines.scene.bsdf_tree import members, own_textures
 from engines.scene.cameras import CAMERA, Camera
 from engines.scene.content import content_hash
 from engines.scene.context import SceneReader
@@ -19,7 +24,7 @@ from engines.scene.lights import LIGHTS, Light
 from engines.scene.materials import MATERIAL, Material
 from engines.scene.mesh import Mesh
 from engines.scene.shapes import SHAPE, Shape
-from engines.scene.textures import TEXTURES
+from engines.scene.textures import TEXTURES, MeshAttribute
 from engines.schema.keys import Given, Key, Record, by_name, list_of
 from engines.schema.kinds import TEXT, ContextKind, integer
 from engines.schema.yaml_file import Located
@@ -57,6 +62,32 @@ class Scene:
         return hashlib.sha256(f"{self.content_hash} {self.native.digest}".encode()).hexdigest()
 
 
+def check_attributes(context: SceneReader, shapes: Sequence[Shape]) -> None:
+    """Raises `SceneError` where `attributes_lack` finds something, in scenes that have such textures."""
+    has_some = any(isinstance(texture, MeshAttribute) for texture in context.textures.values())
+    if has_some and (lacks := attributes_lack(context.table.materials, shapes)):
+        raise SceneError(f"{context.source}: {lacks}" if context.source else lacks)
+
+
+def attributes_lack(materials: Sequence[Material], shapes: Sequence[Shape]) -> str | None:
+    """One sentence on the first attribute that a shape does not have and its material shows, or that gives a normal."""
+    shown = [material.attributes for material in materials]
+    if not any(shown):
+        return None
+    for material in materials:
+        tilts = (part for part in members(material.bsdf) if isinstance(part, Bump | NormalMap))
+        if attribute := next((each for part in tilts for each in own_textures(part) if isinstance(each, MeshAttribute)), None):
+            return f"material {material.name!r}: the attribute {attribute.name!r} is no height and gives no normals"
+    for index, shape in enumerate(shapes):
+        known = shape.attributes if isinstance(shape, Mesh) else {}
+        for which in np.unique(shape.materials).tolist() if isinstance(shape, Mesh) else [shape.material]:
+            for name in sorted(shown[which] - known.keys()):
+                who = f"the mesh {shape.name!r}" if isinstance(shape, Mesh) else f"a {type(shape).__name__.lower()}"
+                where = f"shapes[{index}]: material {materials[which].name!r}"
+                return f"{where} shows the attribute {name!r}, which {who} does not have"
+    return None
+
+
 def _materials(node: Located, context: SceneReader) -> None:
     """Materials by names of the user's own, which the context's table learns before the shapes are read."""
     if node.value is not None and not isinstance(node.value, dict):
@@ -67,6 +98,7 @@ def _materials(node: Located, context: SceneReader) -> None:
 def _scene(given: Given, context: SceneReader) -> Scene:
     camera, materials = given["camera"], context.table.materials
     shapes, lights = given["shapes"] or [], given["lights"] or []
+    check_attributes(context, shapes)
     return Scene(
         name=given["name"] or context.name,
         camera=camera,

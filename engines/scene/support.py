@@ -11,12 +11,14 @@ from engines.scene.bsdf_tree import leaves, members, own_values
 from engines.scene.cameras import CustomCamera
 from engines.scene.lights import CustomLight
 from engines.scene.models import CustomBSDF
-from engines.scene.scene import Scene
+from engines.scene.scene import Scene, attributes_lack
 
 
 def refusal_of(scene: Scene) -> str | None:
-    """Why there is nothing of a scene but a file of Mitsuba's, in the importer's words, or None."""
-    return None if scene.native is None else scene.native.refusal
+    """Why a scene cannot be rendered from what is here: there is nothing but a file of Mitsuba's, in the importer's words, or a
+    mesh lacks an attribute; else None."""
+    refusal = None if scene.native is None else scene.native.refusal
+    return refusal or attributes_lack(scene.materials, scene.shapes)
 
 
 KINDS = ("camera", "shape", "light", "BSDF", "texture")

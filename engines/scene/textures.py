@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.errors import SceneError, suggestion
+from engines.scene.attributes import EXPECTED_NAME, FACE, is_attribute
 from engines.scene.files import Place
 from engines.scene.formats.texture import CHANNELS, linear, read_texels
 from engines.scene.geometry import read_only
@@ -20,7 +21,7 @@ from engines.schema.keys import Given, Key, Record, by_name
 from engines.schema.kinds import NUMBER, POINT, TEXT, ContextKind, Kind, array_of, color, one_of, within
 from engines.schema.yaml_file import Located
 
-__all__ = ["Checkerboard", "Color", "ImageTexture", "Number", "Texture"]
+__all__ = ["Checkerboard", "Color", "ImageTexture", "MeshAttribute", "Number", "Texture"]
 
 UVMatrix = tuple[float, float, float, float, float, float]
 """Two rows of three: u' = m[0] u + m[1] v + m[2], v' = m[3] u + m[4] v + m[5]."""
@@ -54,7 +55,23 @@ class Checkerboard:
     to_uv: UVMatrix = IDENTITY
 
 
-Texture = ImageTexture | Checkerboard
+@dataclass(frozen=True, slots=True)
+class MeshAttribute:
+    """The attribute of meshes with this name, times `scale`: "vertex_color" is interpolated, "face_color" one value a face.
+
+    Where one number is expected, three give their luminance.
+    """
+
+    name: str
+    scale: float = 1.0
+
+    @property
+    def of_faces(self) -> bool:
+        """Whether faces have it, and not vertices."""
+        return self.name.startswith(FACE)
+
+
+Texture = ImageTexture | Checkerboard | MeshAttribute
 Color = Triple | Texture
 """Where a colour is expected."""
 Number = float | Texture
@@ -62,21 +79,28 @@ Number = float | Texture
 
 
 def largest(texture: Texture) -> Triple:
-    """The largest value of each channel, held in [0, 1]."""
+    """The largest value of each channel, held in [0, 1]; of an attribute the largest that a mesh may have."""
+    if isinstance(texture, MeshAttribute):
+        return triple([min(texture.scale, 1.0)] * 3)
     if isinstance(texture, Checkerboard):
         return triple(min(max(a, b), 1.0) for a, b in zip(texture.a, texture.b, strict=True))
     return triple(np.broadcast_to(texture.pixels.max(axis=(0, 1)).clip(0, 1), 3))
 
 
 def mean_color(texture: Texture) -> Triple:
-    """The mean of each channel over the texels of an image, or over both colours of a checkerboard; less than 0 counts as 0."""
+    """The mean of each channel over the texels of an image, or over both colours of a checkerboard; less than 0 counts as 0.
+    Of an attribute half its scale, whatever meshes have."""
+    if isinstance(texture, MeshAttribute):
+        return triple([0.5 * texture.scale] * 3)
     if isinstance(texture, Checkerboard):
         return triple(0.5 * (max(x, 0.0) + max(y, 0.0)) for x, y in zip(texture.a, texture.b, strict=True))
     return triple(np.broadcast_to(np.maximum(texture.pixels, 0).mean(axis=(0, 1), dtype=np.float64), 3))
 
 
 def tinted(texture: Texture, factor: Triple) -> Texture:
-    """The texture times a colour; texels in float32."""
+    """The texture times a colour, an attribute times a grey; texels in float32."""
+    if isinstance(texture, MeshAttribute):
+        return replace(texture, scale=texture.scale * factor[0])
     if isinstance(texture, Checkerboard):
         return replace(texture, a=product(texture.a, factor), b=product(texture.b, factor))
     factors = factor[:1] if factor[0] == factor[1] == factor[2] else factor
@@ -201,7 +225,27 @@ _SQUARES = Record(
 _CHECKERBOARD = Record(
     "Squares of half a unit of u and v.", {"checkerboard": Key(_SQUARES, "The two colours."), **PLACING}, _checkerboard
 )
-_KINDS = {"image": _IMAGE, "checkerboard": _CHECKERBOARD}
+
+
+def _attribute_name(node: Located) -> str:
+    name = fields.text(node)
+    if not is_attribute(name):
+        raise node.refuse(EXPECTED_NAME)
+    return name
+
+
+_ATTRIBUTE = Record(
+    "An attribute of the mesh that shows it, such as the colours of its vertices.",
+    {
+        "attribute": Key(
+            Kind(_attribute_name, TEXT.json),
+            "Name: vertex_color is interpolated between the vertices, face_color is one value for each triangle.",
+        ),
+        "scale": Key(within(0.0, math.inf), "Factor of the attribute.", 1),
+    },
+    lambda given, context: MeshAttribute(given["attribute"], float(given["scale"])),
+)
+_KINDS = {"image": _IMAGE, "checkerboard": _CHECKERBOARD, "attribute": _ATTRIBUTE}
 
 
 def _texture(node: Located, context: Any) -> Texture:

@@ -26,7 +26,7 @@ from engines.scene.models import Mixture
 from engines.scene.scene import FORMAT, Scene
 from engines.scene.shapes import Cylinder, Disk, Plane, Shape, Sphere, Triangle
 from engines.scene.support import foreign
-from engines.scene.textures import IDENTITY, Checkerboard, ImageTexture, Texture
+from engines.scene.textures import IDENTITY, Checkerboard, ImageTexture, MeshAttribute, Texture
 from engines.scene.triple import BLACK, WHITE, Triple
 from engines.schema.fields import unit
 
@@ -153,14 +153,19 @@ class _Writer:
 
     def texture(self, texture: Texture) -> str:
         if id(texture) not in self.textures:
-            proposed = texture.name if isinstance(texture, ImageTexture) else "checkerboard"
+            proposed = "checkerboard" if isinstance(texture, Checkerboard) else texture.name
             name = self.textures[id(texture)] = self.name("textures", proposed)
-            self.tree[name] = (
-                self.image(texture)
-                if isinstance(texture, ImageTexture)
-                else {"checkerboard": {"a": _color(texture.a), "b": _color(texture.b)}, **_placing(texture.to_uv)}
-            )
+            self.tree[name] = self.texture_keys(texture)
         return self.textures[id(texture)]
+
+    def texture_keys(self, texture: Texture) -> Keys:
+        match texture:
+            case ImageTexture():
+                return self.image(texture)
+            case MeshAttribute(name, scale):
+                return {"attribute": name, **({} if scale == 1.0 else {"scale": scale})}
+            case Checkerboard(a, b, to_uv):
+                return {"checkerboard": {"a": _color(a), "b": _color(b)}, **_placing(to_uv)}
 
     def image(self, texture: ImageTexture) -> Keys:
         path = self.path(TEXTURES, texture.name, ".exr")
@@ -189,7 +194,8 @@ class _Writer:
         used, place = np.unique(mesh.materials, return_inverse=True)
         path = self.path(MESHES, mesh.name, ".ply")
         several = place.astype(np.int32) if len(used) > 1 else None
-        write_ply(self.root / path, mesh.vertices, mesh.faces, mesh.normals, mesh.uvs, several, exact=True)
+        columns = mesh.vertices, mesh.faces, mesh.normals, mesh.uvs, several
+        write_ply(self.root / path, *columns, exact=True, attributes=mesh.attributes)
         material = [names[index] for index in used]
         smooth = {} if mesh.normals is None else {"smooth": True}
         return {"mesh": {"file": path, **smooth}, "material": material if several is not None else material[0]}
@@ -261,6 +267,7 @@ KNOWN: frozenset[type] = frozenset(
         Sides,
         ImageTexture,
         Checkerboard,
+        MeshAttribute,
     }
 )
 """The types of scenes that are written."""

@@ -57,7 +57,7 @@ WRONG = {
     ),
     "mesh attribute": (
         shape_with('<bsdf type="diffuse"><texture type="mesh_attribute" name="reflectance"/></bsdf>'),
-        ["attributes"],
+        ["name: must begin with vertex_ or face_"],
     ),
     "checkerboard as height": (
         shape_with('<bsdf type="bumpmap"><texture type="checkerboard"/><bsdf type="diffuse"/></bsdf>'),

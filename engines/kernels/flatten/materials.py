@@ -23,6 +23,7 @@ from engines.scene import (
     Dielectric,
     Diffuse,
     ImageTexture,
+    MeshAttribute,
     Mixture,
     Null,
     Number,
@@ -142,7 +143,9 @@ def _rough_dielectric_features(leaf: Dielectric) -> dict[str, bool]:
 
 
 def _mean(color: Color) -> float:
-    """Over the channels; of an image also over its texels, as they are read."""
+    """Over the channels; of an image also over its texels, as they are read; of an attribute half its scale."""
+    if isinstance(color, MeshAttribute):
+        return min(0.5 * color.scale, 1.0)
     if isinstance(color, ImageTexture):
         return float(np.clip(color.pixels, 0.0, 1.0).mean(dtype=np.float64))
     return float(np.clip([color.a, color.b], 0.0, 1.0).mean() if isinstance(color, Checkerboard) else np.mean(color))

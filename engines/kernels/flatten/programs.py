@@ -6,7 +6,7 @@ up in textures. A material without wrappers and textures has none.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,14 +16,28 @@ from engines.kernels.flatten import palettes
 from engines.kernels.flatten.lookups import Lookup, Table
 from engines.kernels.flatten.materials import leaf_features, model_of, parameters_of, transmittance_of
 from engines.kernels.layout import LeafRow, LookupRow, MaterialRow, NodeRow, TextureRow
-from engines.scene import Blend, Bump, Checkerboard, ImageTexture, Mask, Material, Mixture, NormalMap, Sides, Texture, Triple
+from engines.scene import (
+    Blend,
+    Bump,
+    Checkerboard,
+    ImageTexture,
+    Mask,
+    Material,
+    MeshAttribute,
+    Mixture,
+    NormalMap,
+    Sides,
+    Texture,
+    Triple,
+)
 from engines.scene.bsdf_tree import leaves, transmits
 
 LEAF, SIDES, MASK, BLEND, BUMP, NORMAL_MAP = range(6)
 """Those from BUMP on tilt the shading normal."""
 WRAPPERS: dict[type, int] = {Sides: SIDES, Mask: MASK, Blend: BLEND, Bump: BUMP, NormalMap: NORMAL_MAP}
 """The node of each wrapper."""
-IMAGE, CHECKERBOARD = range(2)
+IMAGE, CHECKERBOARD, VERTEX_ATTRIBUTE, FACE_ATTRIBUTE = range(4)
+"""Those from VERTEX_ATTRIBUTE on are attributes of meshes."""
 REPEAT, CLAMP, MIRROR = range(3)
 WRAPS = {"repeat": REPEAT, "clamp": CLAMP, "mirror": MIRROR}
 NONE = -1
@@ -73,9 +87,17 @@ def _is_textured(leaf: Any) -> bool:
 
 
 class Programs:
-    """The programs of the materials in use, `used`; those of `on_uvs` are met on meshes that have texture coordinates."""
+    """The programs of the materials in use, `used`; those of `on_uvs` are met on meshes that have texture coordinates.
+    `attribute_rows` gives the values of an attribute."""
 
-    def __init__(self, materials: tuple[Material, ...], used: Iterable[int], on_uvs: Iterable[int]) -> None:
+    def __init__(
+        self,
+        materials: tuple[Material, ...],
+        used: Iterable[int],
+        on_uvs: Iterable[int],
+        attribute_rows: Callable[[MeshAttribute], NDArray[np.float32]],
+    ) -> None:
+        self._attribute_rows = attribute_rows
         self.materials = materials
         self.used = [int(index) for index in used]
         self.on_uvs = {int(index) for index in on_uvs}
@@ -90,7 +112,7 @@ class Programs:
         """Those of all BSDFs, one behind the other, after how many numbers they are."""
         self._places: dict[Table, int] = {}
         self._kept: dict[int, tuple[Any, int]] = {}
-        self._images: dict[int, NDArray[Any]] = {}
+        self._images: dict[int | str, NDArray[Any]] = {}
         self.first = np.full(max(len(materials), 1), NONE, np.int32)
         for index in self.used:
             if self._wanted(index):
@@ -162,6 +184,12 @@ class Programs:
         pixels = np.zeros(0, np.float32)
         if isinstance(texture, Checkerboard):
             row = TextureRow.packed(kind=CHECKERBOARD, to_uv=texture.to_uv, a=texture.a, b=texture.b)
+        elif isinstance(texture, MeshAttribute):
+            kind = FACE_ATTRIBUTE if texture.of_faces else VERTEX_ATTRIBUTE
+            row = TextureRow.packed(kind=kind, a=(texture.scale,) * 3)
+            if texture.name not in self._images:
+                self._images[texture.name] = self._attribute_rows(texture)
+            pixels = self._images[texture.name]
         else:
             pixels = self._pixels(texture)
             height, width, channels = texture.pixels.shape
@@ -191,7 +219,7 @@ class Programs:
 
     @property
     def texture_bytes(self) -> int:
-        """Of all images."""
+        """Of all images and attributes."""
         return sum(pixels.nbytes for pixels in self._images.values())
 
     # ---- what the scene gets of them ---------------------------------------------------------------------------------
@@ -217,7 +245,7 @@ class Programs:
         found = np.full((len(self.first), PREFETCHED), NONE, np.int32)
         for row, first in zip(found, self.first, strict=True):
             if first >= 0:
-                own = [texture for texture in dict.fromkeys(self._textures_of(first)) if self.pixels[texture].size]
+                own = [texture for texture in dict.fromkeys(self._textures_of(first)) if self.textures[texture][0] == IMAGE]
                 row[: len(own)] = own[:PREFETCHED]
         return found
 
@@ -248,6 +276,7 @@ class Programs:
             "emission": any(material.emits for material in used),
             "programs": bool(self),
             "textures": self._looks_up,
+            "attributes": any(row[0] >= VERTEX_ATTRIBUTE for row in self.textures),
             "textured_emission": bool((self.emission_textures >= 0).any()),
             "uvs": any(self.first[index] >= 0 for index in self.on_uvs),
             "choices": bool(kinds & {MASK, BLEND}),

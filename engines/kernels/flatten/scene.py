@@ -60,7 +60,7 @@ def flatten(scene: Scene, real: type, tracing: type) -> FlatScene:
     center = _recentre(bounds, tracing)
     lights = LightList(scene, geometry.first_id, geometry.n, center)
     used = np.flatnonzero(np.bincount(geometry.joined(geometry.material)))
-    programs = Programs(scene.materials, used, geometry.materials_on_uvs())
+    programs = Programs(scene.materials, used, geometry.materials_on_uvs(), geometry.attribute_rows)
     features = _features(scene, geometry, lights, programs)
     flat = FlatScene(real, center, features, np.array(geometry.first_id, np.int64), bounds)
     _bind_shapes(flat, geometry)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from engines.kernels.compile.jit import kernel
 from engines.kernels.lane.shapes import cylinder, disk
 from engines.kernels.layout import SHAPE_PARAMETERS, UVRow
-from engines.scene import Cylinder, Disk, Mesh, Plane, Sphere, SphereSet, Triangle
+from engines.scene import Cylinder, Disk, Mesh, MeshAttribute, Plane, Sphere, SphereSet, Triangle
 
 TRIANGLE, SPHERE, PLANE, DISK, CYLINDER = range(5)
 
@@ -63,6 +63,8 @@ class Geometry:
         self.normals: list[Any] = [np.zeros((0, 3))]
         self.uvs: list[tuple[int, Any]] = []
         """Of each mesh and triangle: how many vertices, and their texture coordinates or None."""
+        self.attributes: list[tuple[int, int, Any]] = []
+        """Of each mesh and triangle: its first vertex, its first triangle, and its attributes by name."""
         self.faces: list[Any] = [np.zeros((0, 3), np.int32)]
         self.spheres: list[Any] = [np.zeros((0, 4))]
         self.planes: list[Any] = [np.zeros((0, 6))]
@@ -97,19 +99,21 @@ class Geometry:
             self.spheres.append(np.column_stack([shape.centers, shape.radii]))
             self._primitives("spheres", SPHERE, len(shape.radii), shape.material)
         elif isinstance(shape, Triangle):
-            self._triangles(np.array([shape.a, shape.b, shape.c]), None, None, np.array([[0, 1, 2]]), shape.material)
+            self._triangles(np.array([shape.a, shape.b, shape.c]), None, None, {}, np.array([[0, 1, 2]]), shape.material)
         elif isinstance(shape, Mesh):
-            self._triangles(shape.vertices, shape.normals, shape.uvs, shape.faces, shape.materials)
+            arrays = shape.vertices, shape.normals, shape.uvs, shape.attributes, shape.faces
+            self._triangles(*arrays, shape.materials)
             if shape.uvs is not None:
                 self._on_uvs.append(np.unique(shape.materials))
         else:
             self.analytic.append(shape)
             self._primitives("analytic", ANALYTIC[type(shape)].kind, 1, shape.material)
 
-    def _triangles(self, vertices: Any, normals: Any, uvs: Any, faces: Any, material: Any) -> None:
+    def _triangles(self, vertices: Any, normals: Any, uvs: Any, attributes: Any, faces: Any, material: Any) -> None:
         self.vertices.append(vertices)
         self.normals.append(np.zeros((len(vertices), 3)) if normals is None else normals)
         self.uvs.append((len(vertices), uvs))
+        self.attributes.append((self.n_vertices, self.counts["triangles"], attributes))
         faces = np.asarray(faces, np.int32)
         self.faces.append(faces + np.int32(self.n_vertices) if self.n_vertices else faces)
         self.n_vertices += len(vertices)
@@ -136,6 +140,15 @@ class Geometry:
             if uvs is not None:
                 rows[first : first + n] = np.column_stack([uvs, np.ones(n)])
             first += n
+        return rows
+
+    def attribute_rows(self, shown: MeshAttribute) -> NDArray[np.float32]:
+        """(vertices, 3), or (triangles, 3) of an attribute of faces; 0 of meshes without it. One number is three."""
+        rows = np.zeros((self.counts["triangles"] if shown.of_faces else self.n_vertices, 3), np.float32)
+        for vertex, triangle, attributes in self.attributes:
+            if (values := attributes.get(shown.name)) is not None:
+                first = triangle if shown.of_faces else vertex
+                rows[first : first + len(values)] = values
         return rows
 
     def bounds(self) -> Reals:

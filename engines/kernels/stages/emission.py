@@ -19,7 +19,7 @@ from engines.kernels.lane.shapes.triangle import VertexUV, interpolated_uv
 from engines.kernels.lane.vector import ORIGIN, Vec3, to_float64, to_real
 from engines.kernels.layout import LANES, POINT_U0, POINT_U1
 from engines.kernels.stages.material import analytic_coordinates
-from engines.kernels.stages.textures import color_at
+from engines.kernels.stages.textures import OnTriangle, make_color
 
 
 @inline
@@ -58,7 +58,7 @@ def _make_place(features: SceneFeatures) -> Any:
 def _make_radiance(features: SceneFeatures, real: Any) -> Any:
     """The function (scene, id of a primitive, point of it, weights of its vertices, white) -> what the texture of its emission
     holds there, `white` where it has none."""
-    place = _make_place(features)
+    place, color_of = _make_place(features), make_color(features)
 
     @inline
     def radiance(scene, primitive, p, b1, b2, white):
@@ -67,7 +67,7 @@ def _make_radiance(features: SceneFeatures, real: Any) -> Any:
         if texture < 0:
             return white
         at = place(scene, row, p, b1, b2)
-        color = color_at(scene, texture, at.u, at.v)
+        color = color_of(scene, texture, at, OnTriangle(primitive, b1, b2))
         return to_real(Vec3(max(color.x, 0.0), max(color.y, 0.0), max(color.z, 0.0)), real)
 
     return radiance

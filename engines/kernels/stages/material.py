@@ -25,7 +25,7 @@ from engines.kernels.lane.shapes.coordinates import Coordinates
 from engines.kernels.lane.shapes.triangle import VertexUV
 from engines.kernels.lane.vector import ORIGIN, Vec3, dot, to_float64
 from engines.kernels.layout import BSDF_PARAMETERS, LANES, LOBE, ray_batch, scene_table
-from engines.kernels.stages.textures import color_at, gradient_at, luminance, prefetch_texels
+from engines.kernels.stages.textures import OnTriangle, color_at, gradient_at, luminance, make_color, prefetch_texels
 
 # ---- texture coordinates -----------------------------------------------------------------------------------------------
 
@@ -95,13 +95,25 @@ class Walk(NamedTuple):
 
 
 @inline
-def share_of(scene, node, at, textures):
-    """The opacity of a mask, the weight of a blend: in [0, 1]."""
-    value = node.value
-    if textures and node.texture >= 0.0:
-        value = luminance(color_at(scene, np.int64(node.texture), at.u, at.v))
-    value = value if value > 0.0 else 0.0  # NaN, too
-    return value if value < 1.0 else 1.0
+def triangle_point(rays, lane):
+    """The point that a lane's ray has hit, where that is one of a triangle."""
+    return OnTriangle(np.int64(rays.primitive[lane]), np.float64(rays.hit.u[lane]), np.float64(rays.hit.v[lane]))
+
+
+@per_features
+def make_share(features: SceneFeatures) -> Any:
+    """The function (scene, node, at, on) -> the opacity of a mask, the weight of a blend: in [0, 1]."""
+    textures, color_of = features.textures, make_color(features)
+
+    @inline
+    def share_of(scene, node, at, on):
+        value = node.value
+        if textures and node.texture >= 0.0:
+            value = luminance(color_of(scene, np.int64(node.texture), at, on))
+        value = value if value > 0.0 else 0.0  # NaN, too
+        return value if value < 1.0 else 1.0
+
+    return share_of
 
 
 @inline
@@ -146,11 +158,11 @@ def tilted(scene, node, kind, frame, before, at, front, ng, wo):
 
 @per_features
 def _make_walk(features: SceneFeatures) -> Any:
-    """The function (scene, first node, u, at, front, ng, wo, frame) -> Walk at the leaf."""
-    textures, choices, masks, tilts = features.textures, features.choices, features.masks, features.tilts
+    """The function (scene, first node, u, at, on, front, ng, wo, frame) -> Walk at the leaf."""
+    share_of, choices, masks, tilts = make_share(features), features.choices, features.masks, features.tilts
 
     @inline
-    def walk(scene, first, u, at, front, ng, wo, frame):
+    def walk(scene, first, u, at, on, front, ng, wo, frame):
         state = Walk(first, u, 1.0, False, np.int64(0), frame.normal, frame)
         node = scene.nodes[first]
         kind = np.int64(node.kind)
@@ -160,9 +172,9 @@ def _make_walk(features: SceneFeatures) -> Any:
                 state = Walk(following, state.u, state.opacity, state.passing, state.tilts, state.before, state.frame)
             if choices:
                 if masks and kind == MASK:
-                    state = _after_mask(state, node, share_of(scene, node, at, textures))
+                    state = _after_mask(state, node, share_of(scene, node, at, on))
                 elif kind == BLEND:
-                    state = _after_blend(state, node, share_of(scene, node, at, textures))
+                    state = _after_blend(state, node, share_of(scene, node, at, on))
             if tilts and kind >= BUMP:
                 frame, before = tilted(scene, node, kind, state.frame, state.before, at, front, ng, wo)
                 following = np.int64(node.first)
@@ -174,21 +186,27 @@ def _make_walk(features: SceneFeatures) -> Any:
     return walk
 
 
-@inline
-def look_up(rays, lane, scene, leaf, at):
-    """Puts the parameters of a leaf that textures give into the batch."""
-    first, last = np.int64(leaf.texture), np.int64(-1)
-    color = ORIGIN
-    for k in range(np.int64(leaf.value)):
-        row = scene.lookups[first + k]
-        texture, channel = np.int64(row.texture), np.int64(row.channel)
-        if texture != last:
-            color, last = color_at(scene, texture, at.u, at.v), texture
-        value = color.x if channel == 0 else (color.y if channel == 1 else color.z)
-        if channel == LUMINANCE:
-            value = luminance(color)
-        value = value if value > row.low else row.low
-        rays.bsdf[np.int64(row.parameter), lane] = value if value < row.high else row.high
+@per_features
+def make_look_up(features: SceneFeatures) -> Any:
+    """The function (rays, lane, scene, leaf, at) that puts the parameters of a leaf that textures give into the batch."""
+    color_of = make_color(features)
+
+    @inline
+    def look_up(rays, lane, scene, leaf, at):
+        first, last, on = np.int64(leaf.texture), np.int64(-1), triangle_point(rays, lane)
+        color = ORIGIN
+        for k in range(np.int64(leaf.value)):
+            row = scene.lookups[first + k]
+            texture, channel = np.int64(row.texture), np.int64(row.channel)
+            if texture != last:
+                color, last = color_of(scene, texture, at, on), texture
+            value = color.x if channel == 0 else (color.y if channel == 1 else color.z)
+            if channel == LUMINANCE:
+                value = luminance(color)
+            value = value if value > row.low else row.low
+            rays.bsdf[np.int64(row.parameter), lane] = value if value < row.high else row.high
+
+    return look_up
 
 
 # ---- the stage ---------------------------------------------------------------------------------------------------------
@@ -244,7 +262,7 @@ def _make(features: SceneFeatures, real: Any) -> Any:
     textures, uvs, tangents = features.textures, features.uvs, features.tangents
     choices, masks, tilts = features.choices, features.masks, features.tilts
     located, below_one = textures or uvs or tangents, 1.0 - float(np.finfo(real).epsneg)
-    locate, walk = make_locate(features), _make_walk(features)
+    locate, walk, look_up = make_locate(features), _make_walk(features), make_look_up(features)
 
     @inline
     def apply_program(rays, lane, scene, first):
@@ -252,7 +270,7 @@ def _make(features: SceneFeatures, real: Any) -> Any:
         ng, wo = to_float64(rays.hit.geometric_normal[lane]), -to_float64(rays.direction[lane])
         frame = tilt.Tilted(to_float64(rays.hit.normal[lane]), at.dp_du, at.dp_dv, True)
         u = np.float64(rays.draw[LOBE, lane])
-        state = walk(scene, first, u, at, rays.hit.front[lane], ng, wo, frame)
+        state = walk(scene, first, u, at, triangle_point(rays, lane), rays.hit.front[lane], ng, wo, frame)
         leaf = scene.nodes[state.node]
         constants = scene.leaves[np.int64(leaf.second)].bsdf
         for k in range(BSDF_PARAMETERS):

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.records import array_at, prefetch
+from engines.kernels.features import SceneFeatures, per_features
 from engines.kernels.flatten import palettes
-from engines.kernels.flatten.programs import CHECKERBOARD, CLAMP, REPEAT
+from engines.kernels.flatten.programs import CHECKERBOARD, CLAMP, FACE_ATTRIBUTE, REPEAT, VERTEX_ATTRIBUTE
 from engines.kernels.lane.vector import Vec3
 
 
@@ -103,6 +104,46 @@ def color_at(scene, texture, u, v):
     above = _texel(texels, row, at.above + at.left) * (1.0 - at.fx) + _texel(texels, row, at.above + at.right) * at.fx
     below = _texel(texels, row, at.below + at.left) * (1.0 - at.fx) + _texel(texels, row, at.below + at.right) * at.fx
     return above * (1.0 - at.fy) + below * at.fy
+
+
+class OnTriangle(NamedTuple):
+    """A point of a triangle, the id of a primitive, by the weights of its second and third vertex."""
+
+    primitive: int
+    b1: float
+    b2: float
+
+
+@inline
+def _row_of(address, index):
+    first, numbers = 3 * np.int64(index), array_at(address, np.float32)
+    return Vec3(np.float64(numbers[first]), np.float64(numbers[first + 1]), np.float64(numbers[first + 2]))
+
+
+@inline
+def _attribute_at(scene, texture, on):
+    row, values = scene.textures[texture], scene.texels[texture]
+    index = np.int64(scene.primitives[on.primitive].index)
+    if np.int64(row.kind) == FACE_ATTRIBUTE:
+        return _row_of(values, index) * row.a.x
+    face = scene.triangles[index]
+    a, b, c = _row_of(values, face.a), _row_of(values, face.b), _row_of(values, face.c)
+    return (a * (1.0 - on.b1 - on.b2) + b * on.b1 + c * on.b2) * row.a.x
+
+
+@per_features
+def make_color(features: SceneFeatures) -> Any:
+    """The function (scene, texture, at, on) -> its colour at coordinates `at`; of an attribute of meshes at the point `on` of a
+    triangle."""
+    attributes = features.attributes
+
+    @inline
+    def color(scene, texture, at, on):
+        if attributes and np.int64(scene.textures[texture].kind) >= VERTEX_ATTRIBUTE:
+            return _attribute_at(scene, texture, on)
+        return color_at(scene, texture, at.u, at.v)
+
+    return color
 
 
 @inline

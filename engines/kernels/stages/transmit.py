@@ -24,7 +24,7 @@ from engines.kernels.flatten.programs import BLEND, BUMP, LEAF, MASK, SIDES, THR
 from engines.kernels.lane import tilt
 from engines.kernels.lane.vector import ORIGIN, Vec3, largest, length, to_float64, to_real
 from engines.kernels.layout import BSDF_PARAMETERS, LANES, ray_batch, scene_table
-from engines.kernels.stages.material import coordinates_at, look_up, make_locate, share_of, tilted
+from engines.kernels.stages.material import coordinates_at, make_locate, make_look_up, make_share, tilted, triangle_point
 from engines.kernels.stages.shade import curved_shapes, make_left
 
 
@@ -39,6 +39,7 @@ def _of_model(kinds: tuple[int, ...]) -> Any:
 def _make_of_leaf(features: SceneFeatures, real: Any) -> Any:
     """The function (rays, lane, scene, leaf, at, frame, before) -> transmittance of a program's leaf, in float64."""
     of_model, textures, tilts, none = _of_model(features.bsdfs), features.textures, features.tilts, real(0)
+    look_up = make_look_up(features)
 
     @inline
     def of_leaf(rays, lane, scene, leaf, at, frame, before):
@@ -63,7 +64,7 @@ def _make_of_leaf(features: SceneFeatures, real: Any) -> Any:
 def _make_of_node(features: SceneFeatures, blends: int, real: Any) -> Any:
     """The function (rays, lane, scene, node, share, at, frame, before) -> what a program lets pass of a share of light, with at
     most so many `blends` around each other."""
-    textures, choices, masks, tilts = features.textures, features.choices, features.masks, features.tilts
+    share_of, choices, masks, tilts = make_share(features), features.choices, features.masks, features.tilts
     of_leaf, of_first = _make_of_leaf(features, real), _make_of_node(features, blends - 1, real) if blends else None
 
     @inline
@@ -78,11 +79,11 @@ def _make_of_node(features: SceneFeatures, blends: int, real: Any) -> Any:
                 following = np.int64(node.second)
             if choices:
                 if masks and kind == MASK:
-                    opacity = share_of(scene, node, at, textures)
+                    opacity = share_of(scene, node, at, triangle_point(rays, lane))
                     through = share * (1.0 - opacity)
                     passed, share = passed + Vec3(through, through, through), share * opacity
                 elif blends and kind == BLEND:
-                    weight = share_of(scene, node, at, textures)
+                    weight = share_of(scene, node, at, triangle_point(rays, lane))
                     passed = passed + of_first(rays, lane, scene, following, share * (1.0 - weight), at, frame, before)
                     following, share = np.int64(node.second), share * weight
             if tilts and kind >= BUMP and node.second == THROUGH:

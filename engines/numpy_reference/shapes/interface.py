@@ -5,7 +5,7 @@ A new kind is a module with a class that has these verbs, and a table: `SHAPES =
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -93,6 +93,8 @@ class TextureCoordinates(NamedTuple):
     """(3, n)"""
     dp_dv: Array
     """(3, n)"""
+    attributes: Mapping[str, Array] = {}
+    """(3, n) each, of meshes, by name; of no meaning where a shape has none."""
 
 
 class ShapeSample(NamedTuple):

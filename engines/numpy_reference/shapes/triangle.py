@@ -10,6 +10,7 @@ from engines.numpy_reference.shapes import watertight
 from engines.numpy_reference.shapes.interface import LocalGeometry, ShapeSample, TextureCoordinates, pdf_solid_angle
 from engines.numpy_reference.vectors import Array, Indices, cross, dot, norm, unit
 from engines.scene import Mesh, Triangle
+from engines.scene.attributes import FACE
 
 
 class Triangles:
@@ -35,8 +36,9 @@ class Triangles:
         self.a, self.b, self.c = corners[:, :, good]
         self.normal, self.area = unit(normal[:, good]), area[good]
         self.data = watertight.copies_by_axis(corners[:, :, good])
-        self._vertex_normals = _of_corners(shapes, good, "normals")
-        self._vertex_uvs = _of_corners(shapes, good, "uvs")
+        self._vertex_normals = _of_corners(shapes, good, [getattr(shape, "normals", None) for shape in shapes])
+        self._vertex_uvs = _of_corners(shapes, good, [getattr(shape, "uvs", None) for shape in shapes])
+        self._attributes = _attributes(shapes, good)
         self._corners = corners.transpose(1, 0, 2).reshape(3, -1)
 
     @staticmethod
@@ -60,7 +62,11 @@ class Triangles:
         if self._vertex_uvs is not None:
             a, b, c = self._vertex_uvs.take(index, axis=2)
             uv = np.where(np.isnan(a), uv, (1.0 - u - v) * a + u * b + v * c)
-        return TextureCoordinates(uv, *self._derivatives(index))
+        attributes = {}
+        for name, of_corners in self._attributes.items():
+            a, b, c = of_corners.take(index, axis=2)
+            attributes[name] = (1.0 - u - v) * a + u * b + v * c
+        return TextureCoordinates(uv, *self._derivatives(index), attributes)
 
     def _derivatives(self, index: Indices) -> tuple[Array, Array]:
         """dp/du and dp/dv, (3, n) each: the edges to the second and third vertex where the mesh has no texture coordinates,
@@ -117,17 +123,32 @@ def _corners(shape: Triangle | Mesh) -> Array:
     return np.asarray(shape.vertices, np.float64)[np.asarray(shape.faces).T].transpose(0, 2, 1)
 
 
-def _of_corners(shapes: Sequence[Triangle | Mesh], good: Indices, name: str) -> Array | None:
-    """An attribute of the vertices of meshes at the corners of the faces `good`: (vertex, number, face), NaN where a mesh has
-    none; None where all have none."""
-    values = [getattr(shape, name) if isinstance(shape, Mesh) else None for shape in shapes]
+def _attributes(shapes: Sequence[Triangle | Mesh], good: Indices) -> dict[str, Array]:
+    """By name, the attributes of meshes at the corners of the faces `good`: (vertex, 3, face), NaN where a mesh has none. One
+    number is three."""
+    found = {}
+    for name in sorted({name for shape in shapes if isinstance(shape, Mesh) for name in shape.attributes}):
+        given = [shape.attributes.get(name) if isinstance(shape, Mesh) else None for shape in shapes]
+        wide = [None if values is None else np.broadcast_to(values, (len(values), 3)) for values in given]
+        corners = _of_corners(shapes, good, wide, of_faces=name.startswith(FACE))
+        assert corners is not None
+        found[name] = corners
+    return found
+
+
+def _of_corners(
+    shapes: Sequence[Triangle | Mesh], good: Indices, values: Sequence[Array | None], of_faces: bool = False
+) -> Array | None:
+    """What the vertices or faces of meshes have, at the corners of the faces `good`: (vertex, number, face), NaN where a
+    mesh has none; None where all have none."""
     numbers = next((given.shape[1] for given in values if given is not None), 0)
     if not numbers:
         return None
     parts = []
     for shape, given in zip(shapes, values, strict=True):
         if isinstance(shape, Mesh) and given is not None:
-            parts.append(np.asarray(given, np.float64)[np.asarray(shape.faces).T].transpose(0, 2, 1))
+            places = np.tile(np.arange(len(shape.faces)), (3, 1)) if of_faces else np.asarray(shape.faces).T
+            parts.append(np.asarray(given, np.float64)[places].transpose(0, 2, 1))
         else:
             parts.append(np.full((3, numbers, Triangles.count(shape)), np.nan))
     return np.concatenate(parts, axis=2)[:, :, good]

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from engines.scene import Checkerboard, Color, ImageTexture, Mixture, Number, Triple
+from engines.scene import Checkerboard, Color, ImageTexture, MeshAttribute, Mixture, Number, Triple
 
 LUMINANCE = np.array([0.212671, 0.715160, 0.072169])
 
@@ -18,21 +18,27 @@ def luminance(color: Triple) -> float:
 
 
 def largest(value: Color | Number) -> float:
-    """The largest component that it has anywhere."""
+    """The largest component that it has anywhere, or that meshes may give it."""
+    if isinstance(value, MeshAttribute):
+        return value.scale
     if isinstance(value, ImageTexture):
         return float(value.pixels.max())
     return max(*value.a, *value.b) if isinstance(value, Checkerboard) else float(np.max(value))
 
 
 def least(value: Color | Number) -> float:
-    """The least component that it has anywhere."""
+    """The least component that it has anywhere, or that meshes may give it."""
+    if isinstance(value, MeshAttribute):
+        return 0.0
     if isinstance(value, ImageTexture):
         return float(value.pixels.min())
     return min(*value.a, *value.b) if isinstance(value, Checkerboard) else float(np.min(value))
 
 
 def scaled(value: Color, factor: Any) -> Any:
-    """A colour times a number, or times three."""
+    """A colour times a number, or times three; an attribute times a number."""
+    if isinstance(value, MeshAttribute):
+        return replace(value, scale=value.scale * float(factor))
     factors = np.broadcast_to(np.asarray(factor, np.float64), (3,))
     if isinstance(value, ImageTexture):
         wide = factors if value.pixels.shape[2] == 3 or len(set(factors)) > 1 else factors[:1]

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.interface import Settings
-from engines.scene import BLACK, Mesh, Orthographic, Perspective, Plane, Scene, Texture, ThinLens
+from engines.scene import BLACK, Checkerboard, ImageTexture, Mesh, Orthographic, Perspective, Plane, Scene, ThinLens
+from engines.scene.attributes import Attributes, of_elements
 from engines.scene.frames import look_at
 from engines.scene.geometry import face_normals, has_area, unit_rows
 from engines.scene.shapes import as_mesh
@@ -81,6 +82,7 @@ class Piece(NamedTuple):
     faces: NDArray[np.int32]
     normals: Array | None
     uvs: Array | None
+    attributes: Attributes
 
 
 def pieces(mesh: Mesh) -> Iterator[Piece]:
@@ -89,7 +91,8 @@ def pieces(mesh: Mesh) -> Iterator[Piece]:
         chosen = np.flatnonzero(mesh.materials == material)
         used, order = np.unique(mesh.faces[chosen], return_inverse=True)
         normals, uvs = (None if each is None else each[used] for each in (mesh.normals, mesh.uvs))
-        yield Piece(material, chosen, mesh.vertices[used], order.reshape(-1, 3).astype(np.int32), normals, uvs)
+        attributes = of_elements(mesh.attributes, used, chosen)
+        yield Piece(material, chosen, mesh.vertices[used], order.reshape(-1, 3).astype(np.int32), normals, uvs, attributes)
 
 
 def unshared(piece: Piece) -> Piece:
@@ -97,7 +100,8 @@ def unshared(piece: Piece) -> Piece:
     corners = piece.faces.reshape(-1)
     normals, uvs = (None if each is None else each[corners] for each in (piece.normals, piece.uvs))
     order = np.arange(len(corners), dtype=np.int32).reshape(-1, 3)
-    return piece._replace(vertices=piece.vertices[corners], faces=order, normals=normals, uvs=uvs)
+    attributes = of_elements(piece.attributes, corners, slice(None))
+    return piece._replace(vertices=piece.vertices[corners], faces=order, normals=normals, uvs=uvs, attributes=attributes)
 
 
 def two_sides(piece: Piece, gap: float) -> tuple[Piece, Piece]:
@@ -113,7 +117,9 @@ def _pieces(scene: Scene, gap: float | None) -> Iterator[Piece]:
     """The faces that have an area, with texture coordinates where their material looks at them."""
     for mesh in filter(None, map(as_mesh, scene.shapes)):
         area = has_area(mesh.vertices, mesh.faces)
-        for piece in pieces(replace(mesh, faces=mesh.faces[area], materials=mesh.materials[area])):
+        attributes = of_elements(mesh.attributes, slice(None), area)
+        with_area = replace(mesh, faces=mesh.faces[area], materials=mesh.materials[area], attributes=attributes)
+        for piece in pieces(with_area):
             material = scene.materials[piece.material]
             placed = _with_uvs(piece) if material.uses_uvs else piece._replace(uvs=None)
             yield from two_sides(placed, gap) if gap is not None and material.emits and material.two_sided else (placed,)
@@ -123,7 +129,7 @@ def _with_uvs(piece: Piece) -> Piece:
     return piece if piece.uvs is not None else unshared(piece)._replace(uvs=np.tile(OWN_UVS, (len(piece.faces), 1)))
 
 
-def placed_uvs(uvs: Array, texture: Texture) -> Array:
+def placed_uvs(uvs: Array, texture: ImageTexture | Checkerboard) -> Array:
     """(n, 2) texture coordinates by the `to_uv` of a texture, for renderers that have none."""
     return np.column_stack([uvs, np.ones(len(uvs))]) @ np.reshape(texture.to_uv, (2, 3)).T
 

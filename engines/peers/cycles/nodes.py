@@ -222,7 +222,7 @@ def _tall(image: Any) -> Any:
     return (1.0 - share) * image[below] + share * image[np.minimum(below + 1, height - 1)]
 
 
-def texels(texture: Texture) -> Any:
+def texels(texture: ImageTexture | Checkerboard) -> Any:
     """(h, w, 1 or 3): an image's, or the two colours of a checkerboard, two of each."""
     if isinstance(texture, ImageTexture):
         return texture.pixels

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.image import write_image
+from engines.scene.attributes import Attributes
 from engines.scene.formats.ply import write_ply
 
 Array = NDArray[Any]
@@ -27,12 +28,20 @@ class Beside:
         self.folder = path.parent / f"{path.stem}_files"
         self.meshes = 0
 
-    def mesh(self, name: str, vertices: Array, faces: Array, normals: Array | None = None, uvs: Array | None = None) -> str:
+    def mesh(
+        self,
+        name: str,
+        vertices: Array,
+        faces: Array,
+        normals: Array | None = None,
+        uvs: Array | None = None,
+        attributes: Attributes | None = None,
+    ) -> str:
         """A binary PLY file; `name` does not matter."""
         self.folder.mkdir(exist_ok=True)
         file = self.folder / f"mesh_{self.meshes}.ply"
         self.meshes += 1
-        write_ply(file, vertices, faces, normals, uvs)
+        write_ply(file, vertices, faces, normals, uvs, attributes=attributes)
         return f"{self.folder.name}/{file.name}"
 
     def image(self, name: str, image: Array) -> dict[str, Any]:

@@ -26,7 +26,7 @@ _TAGS = {
     "rfilter": ("box",),
     "integrator": ("path",),
     "sampler": ("independent",),
-    "texture": ("bitmap", "checkerboard"),
+    "texture": ("bitmap", "checkerboard", "mesh_attribute"),
     "bsdf": (*_LEAVES, "twosided", "mask", "blendbsdf", "bumpmap", "normalmap"),
     "shape": ("disk", "sphere", "cylinder", "ply"),
     "emitter": ("area", "point", "spot", "directional", "constant", "envmap"),

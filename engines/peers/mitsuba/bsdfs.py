@@ -25,15 +25,17 @@ from engines.scene import (
     Diffuse,
     Mask,
     Material,
+    MeshAttribute,
     Mixture,
     NormalMap,
+    Plastic,
     Principled,
     Sheen,
     Sides,
     Texture,
 )
 from engines.scene.bsdf import Wrapper, with_children
-from engines.scene.bsdf_tree import is_opaque, leaves, members, uses_uvs
+from engines.scene.bsdf_tree import attributes, is_opaque, leaves, members, own_textures, uses_uvs
 from engines.scene.leaf_fields import LEAF_PLUGINS, Kind, LeafField, is_rough
 
 MODELS = (Mixture, *LEAF_PLUGINS)
@@ -64,6 +66,8 @@ def _lacks(part: Bsdf) -> str | None:
         return "a rough dielectric of index 1"
     if isinstance(part, Sheen) and (isinstance(part.color, Texture) or len(set(part.color)) > 1):
         return "a sheen with a colour"
+    if isinstance(part, Plastic) and any(isinstance(texture, MeshAttribute) for texture in own_textures(part)):
+        return "a plastic with a colour from attributes of meshes"
     if isinstance(part, Sides) and not all(side is None or is_opaque(side) for side in (part.front, part.back)):
         return "sides that transmit"
     return _tilt_lacks(part) if isinstance(part, TILTS) else None
@@ -88,7 +92,7 @@ def _two_surfaces_lack(bsdf: Bsdf) -> str | None:
         return "glass that emits on both sides"
     if not is_opaque(bsdf):
         return "transmission through a surface that emits on both sides"
-    if uses_uvs(bsdf) or any(isinstance(part, Sides) for part in members(bsdf)):
+    if uses_uvs(bsdf) or attributes(bsdf) or any(isinstance(part, Sides) for part in members(bsdf)):
         return "textures, anisotropy and sides of a surface that emits on both"
     return None
 

@@ -16,7 +16,8 @@ from engines.peers.mitsuba.lights import LIGHTS, light_node
 from engines.peers.mitsuba.nodes import Node, Placing
 from engines.peers.mitsuba.shapes import SHAPES, Part, emission_lacks, parts, planes_lack
 from engines.peers.mitsuba.textures import Textures
-from engines.scene import Checkerboard, ImageTexture, Scene
+from engines.scene import Checkerboard, ImageTexture, MeshAttribute, Scene
+from engines.scene.scene import attributes_lack
 from engines.scene.support import foreign
 
 __all__ = ["KNOWN", "Description", "described", "scene_lacks"]
@@ -43,13 +44,15 @@ def described(scene: Scene, placing: Placing, robust: bool = True) -> Descriptio
     return Description(nodes, all_parts)
 
 
-KNOWN: frozenset[type] = frozenset({*CAMERAS, *SHAPES, *LIGHTS, *MODELS, *WRAPPERS, ImageTexture, Checkerboard})
+KNOWN: frozenset[type] = frozenset({*CAMERAS, *SHAPES, *LIGHTS, *MODELS, *WRAPPERS, ImageTexture, Checkerboard, MeshAttribute})
 """The types of scenes that are described."""
 
 
 def scene_lacks(scene: Scene) -> str | None:
     """One sentence on what Mitsuba does not support of the scene, or None."""
     if lacks := foreign(scene, KNOWN, "Mitsuba"):
+        return lacks
+    if lacks := attributes_lack(scene.materials, scene.shapes):
         return lacks
     if lacks := camera_lacks(scene.camera):
         return f"Mitsuba does not support {lacks}"

@@ -8,6 +8,8 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from engines.scene.attributes import Attributes
+
 Array = NDArray[Any]
 Node = dict[str, Any]
 
@@ -16,11 +18,11 @@ Node = dict[str, Any]
 class Placing:
     """Where a description's data goes.
 
-    `mesh(name, vertices, faces, normals, uvs)` gives the name of a PLY file, where normals and uvs may be None.
+    `mesh(name, vertices, faces, normals, uvs, attributes)` gives the name of a PLY file, where normals and uvs may be None.
     `image(name, array)` of (h, w, 3) or (h, w, 1) linear values gives the keys by which Mitsuba finds it.
     """
 
-    mesh: Callable[[str, Array, Array, Array | None, Array | None], str]
+    mesh: Callable[[str, Array, Array, Array | None, Array | None, Attributes], str]
     image: Callable[[str, Array], Node]
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from engines.peers.adapters.geometry import extent, pieces, two_sides
 from engines.peers.mitsuba.nodes import Array, Node, Placing
 from engines.peers.mitsuba.textures import Textures
-from engines.scene import Cylinder, Disk, Mesh, Plane, Scene, Shape, Sphere, SphereSet, Texture, Triangle
+from engines.scene import Cylinder, Disk, Mesh, MeshAttribute, Plane, Scene, Shape, Sphere, SphereSet, Texture, Triangle
 from engines.scene.bsdf_tree import anisotropic, members, uses_uvs
 from engines.scene.frames import facing
 from engines.scene.shapes import as_mesh, as_spheres
@@ -56,6 +56,8 @@ def emission_lacks(scene: Scene) -> str | None:
     for shape in scene.shapes:
         indices = np.unique(shape.materials) if isinstance(shape, Mesh) else [shape.material]
         for material in (scene.materials[index] for index in indices):
+            if isinstance(material.emission, MeshAttribute):
+                return f"material {material.name!r}: Mitsuba has no emission from attributes of meshes"
             if isinstance(material.emission, Texture):
                 uvs = shape.uvs if isinstance(shape, Mesh) else None
                 inside = uvs is not None and uvs.min(initial=0.0) >= 0.0 and uvs.max(initial=0.0) <= 1.0
@@ -80,7 +82,8 @@ def parts(scene: Scene, placing: Placing, textures: Textures) -> Iterator[Part]:
             two = material.emits and material.two_sided
             for each, side in zip(two_sides(piece._replace(uvs=None), GAP * size) if two else (piece,), (1, -1), strict=False):
                 name = f"shape_{index}_{material.name}_{'back' if side < 0 else 'front'}"
-                file = placing.mesh(name, each.vertices, each.faces, each.normals, each.uvs)
+                attributes = textures.attributes_of(each.attributes)
+                file = placing.mesh(name, each.vertices, each.faces, each.normals, each.uvs, attributes)
                 node: Node = {"type": "ply", "filename": file, "face_normals": each.normals is None}
                 yield _finished(scene, node, Part(node, index, each.material, each.primitives, side < 0), textures)
 

@@ -76,7 +76,8 @@ def staged(scene: Scene, settings: Settings, variant: str) -> Stage:
 def _described(mi: Any, scene: Scene, settings: Settings, folder: Path) -> Description:
     def place_mesh(name: str, *columns: Any) -> str:
         file = folder / f"{len(list(folder.iterdir()))}.ply"
-        write_ply(file, *columns)
+        *arrays, attributes = columns
+        write_ply(file, *arrays, attributes=attributes)
         return str(file)
 
     def place_image(name: str, image: Array) -> Node:

@@ -8,14 +8,22 @@ import numpy as np
 
 from engines.peers.adapters.colors import LUMINANCE, luminance
 from engines.peers.mitsuba.nodes import Array, Node, Placing, rgb
-from engines.scene import Checkerboard, Color, ImageTexture, Number, Texture
+from engines.scene import Checkerboard, Color, ImageTexture, MeshAttribute, Number, Texture
+from engines.scene.attributes import Attributes
+
+LUMINANCE_OF = "_luminance"
+"""Ends the names of attributes that are the luminance of others."""
 
 
 class Textures:
-    """The textures that the materials of a scene use: `nodes` by their names at the top of the scene."""
+    """The textures that the materials of a scene use: `nodes` by their names at the top of the scene.
+
+    `read_as_numbers` are the names of attributes whose luminance counts: Mitsuba wants it as an attribute of its own.
+    """
 
     def __init__(self, placing: Placing) -> None:
         self.nodes: Node = {}
+        self.read_as_numbers: set[str] = set()
         self._placing = placing
         self._names: dict[Any, tuple[str, Texture]] = {}  # with the texture: an id is its own while it lives
 
@@ -39,7 +47,17 @@ class Textures:
             self.nodes[name] = self._node(texture, kind, name)
         return {"type": "ref", "id": self._names[key][0]}
 
+    def attributes_of(self, attributes: Attributes) -> dict[str, Array]:
+        """The attributes of a mesh, and the luminance of those that are read as numbers."""
+        numbers = {name: values for name, values in attributes.items() if name in self.read_as_numbers}
+        return {**attributes, **{name + LUMINANCE_OF: _as_number(values) for name, values in numbers.items()}}
+
     def _node(self, texture: Texture, kind: str, name: str) -> Node:
+        if isinstance(texture, MeshAttribute):
+            if kind == "number":
+                self.read_as_numbers.add(texture.name)
+            shown = texture.name + (LUMINANCE_OF if kind == "number" else "")
+            return {"type": "mesh_attribute", "name": shown, "scale": float(texture.scale)}
         # as in a file, offsets stand in the fourth column: of nine numbers Mitsuba's XML ignores them
         matrix = np.eye(4)
         matrix[:2, [0, 1, 3]] = np.reshape(texture.to_uv, (2, 3))
@@ -57,6 +75,11 @@ class Textures:
             "wrap_mode": texture.wrap,
             "to_uv": matrix,
         }
+
+
+def _as_number(values: Array) -> Array:
+    """(n, 1)"""
+    return values if values.shape[1] == 1 else (values @ LUMINANCE)[:, None]
 
 
 def pixels(texture: ImageTexture, kind: str) -> Array:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import struct
 from codecs import BOM_UTF8
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from engines.errors import RaybenchError, SceneError
 from engines.input_files import open_regular, unreadable
 from engines.memory import lacking_memory
+from engines.scene.attributes import Attributes, checked_attributes
 from engines.scene.formats import FileMesh
 from engines.scene.formats.mtl import read_mtl
 from engines.scene.formats.obj import Polygons, parse_obj
@@ -59,6 +60,8 @@ class MeshData:
     texture coordinates `uvs` (n, 2) where asked for and there, and for files with materials `face_materials` (m,) indices into
     `materials`, or, of a PLY, as they stand there.
 
+    `attributes` are those asked for that the file has, as of a `Mesh`.
+
     Where vertices of the file have been split for normals or texture coordinates, `origins` (n,) are their indices there.
     """
 
@@ -70,9 +73,18 @@ class MeshData:
     materials: list[Material] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     origins: NDArray[np.int64] | None = None
+    attributes: Attributes = field(default_factory=dict)
 
 
-def read_mesh(node: Located, context: Any, smooth: bool, uvs: bool, with_materials: bool, shape_index: int = 0) -> MeshData:
+def read_mesh(
+    node: Located,
+    context: Any,
+    smooth: bool,
+    uvs: bool,
+    with_materials: bool,
+    shape_index: int = 0,
+    attributes: Collection[str] = (),
+) -> MeshData:
     """The mesh of the file named at `node`; `context` is a `SceneReader`.
 
     `with_materials` takes them from the file, and refuses files that have none. Vertex normals are read only when
@@ -81,7 +93,7 @@ def read_mesh(node: Located, context: Any, smooth: bool, uvs: bool, with_materia
     """
     file = context.place.find(node, fields.text(node))
     if not with_materials:
-        return read_mesh_file(node, file, smooth, uvs, shape_index)
+        return read_mesh_file(node, file, smooth, uvs, shape_index, attributes=attributes)
     suffix = mesh_suffix(node, file)
     if suffix != ".obj":
         raise node.refuse(f"a {suffix} file has no materials: name one beside 'mesh'")
@@ -101,10 +113,17 @@ def mesh_suffix(at: At, file: Path) -> str:
 
 
 def read_mesh_file(
-    at: At, file: Path, normals: bool, uvs: bool, shape_index: int = 0, flip_v: bool = True, suffix: str = ""
+    at: At,
+    file: Path,
+    normals: bool,
+    uvs: bool,
+    shape_index: int = 0,
+    flip_v: bool = True,
+    suffix: str = "",
+    attributes: Collection[str] = (),
 ) -> MeshData:
-    """The mesh of a file, whatever materials it has: with its vertex normals and its texture coordinates where these are
-    asked for and there.
+    """The mesh of a file, whatever materials it has: with its vertex normals, its texture coordinates and those `attributes`
+    that are asked for and there.
 
     `flip_v` makes v of an OBJ 1 - v; `shape_index` is that of a `.serialized` file; `suffix` says another format than the
     file's name. Raises `SceneError`, with the file where `at` does not name it.
@@ -120,12 +139,12 @@ def read_mesh_file(
             mesh = (parse_ply if suffix == ".ply" else parse_stl)(data)
     except (ValueError, struct.error) as problem:
         raise at.refuse(f"is not a usable {NAMES.get(suffix, suffix[1:])} file: {problem}") from problem
-    return _checked(at, mesh, normals, uvs)
+    return _checked(at, mesh, normals, uvs, attributes)
 
 
-def _checked(at: At, mesh: FileMesh, with_normals: bool, with_uvs: bool) -> MeshData:
+def _checked(at: At, mesh: FileMesh, with_normals: bool, with_uvs: bool, with_attributes: Collection[str]) -> MeshData:
     """The mesh with normals of length 1. Raises what `at` refuses."""
-    vertices, faces, normals, uvs, materials, exact = mesh
+    vertices, faces, normals, uvs, materials, exact, attributes = mesh
     if len(faces) == 0:
         raise at.refuse("has no faces")
     if ((faces < 0) | (faces >= len(vertices))).any():
@@ -143,7 +162,19 @@ def _checked(at: At, mesh: FileMesh, with_normals: bool, with_uvs: bool) -> Mesh
     if with_uvs and uvs is not None:
         uvs, notes = _finite_uvs(at.where, uvs)
         data = replace(data, uvs=uvs, warnings=notes)
+    if shown := {name: values for name, values in attributes.items() if name in with_attributes}:
+        data = replace(data, attributes=_attributes(at, shown, len(vertices), len(faces)))
     return data if materials is None or len(materials) != len(faces) else replace(data, face_materials=materials)
+
+
+def _attributes(at: At, attributes: Mapping[str, NDArray[np.floating] | str], vertices: int, faces: int) -> Attributes:
+    for name, values in attributes.items():
+        if isinstance(values, str):
+            raise at.refuse(f"attribute {name!r}: {values}")
+    try:
+        return checked_attributes(attributes, vertices, faces)
+    except ValueError as problem:
+        raise at.refuse(str(problem)) from problem
 
 
 def _content(at: At, file: Path, suffix: str) -> bytes:

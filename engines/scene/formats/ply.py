@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
+from itertools import groupby
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from engines.scene.attributes import FACE, VERTEX, Attributes
 from engines.scene.formats import FileMesh
 from engines.scene.geometry import fans
 
@@ -29,6 +31,9 @@ MOST_LINES = 10_000
 """Of a header."""
 CORNERS = ("vertex_index", "vertex_indices")
 UVS = (("u", "v"), ("s", "t"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
+COLORS = (("r", "g", "b", "a"), ("red", "green", "blue", "alpha"))
+SUFFIXES = {("x", "y", "z", "w"): "", ("r", "g", "b", "a"): "_color", ("0", "1", "2", "3"): "", ("1", "2", "3", "4"): ""}
+"""Last parts of the names of an attribute's properties, and what its own name ends with."""
 CUT_SHORT = "it is cut short"
 
 
@@ -187,10 +192,40 @@ def _mesh(tables: Mapping[str, Columns], exact: bool) -> FileMesh:
         raise ValueError("its vertices have no x, y and z")
     lists = {name: column for name, column in face.items() if column.property.count_type}
     names = [name for name in (*CORNERS, *lists) if name in lists]
-    faces = _triangles(lists[names[0]]) if names else np.zeros((0, 3), np.int64)
+    faces, polygon = _triangles(lists[names[0]]) if names else (np.zeros((0, 3), np.int64), slice(None))
     uvs = next((columns for pair in UVS if (columns := _columns(vertex, pair)) is not None), None)
     materials = face["material"].read().astype(np.int32) if "material" in face and "material" not in lists else None
-    return FileMesh(vertices, faces, _columns(vertex, ("nx", "ny", "nz")), uvs, materials, exact)
+    of_faces = {name: found if isinstance(found, str) else found[polygon] for name, found in _attributes("face", face).items()}
+    attributes = _attributes("vertex", vertex) | of_faces
+    return FileMesh(vertices, faces, _columns(vertex, ("nx", "ny", "nz")), uvs, materials, exact, attributes)
+
+
+def _attributes(of: str, columns: Columns) -> dict[str, NDArray[np.float32] | str]:
+    """The attributes of vertices or faces, named as Mitsuba names them: `r, g, b` is vertex_color, `foo_r, foo_g, foo_b`
+    vertex_foo_color, `foo_x, foo_y, foo_z` or `foo_0` vertex_foo. Of those that cannot be used, why."""
+    found: dict[str, NDArray[np.float32] | str] = {}
+    names = [name for name, column in columns.items() if not column.property.count_type]
+    color = next((each for each in COLORS if {*each[:3]} <= {*names}), ())
+    if color:
+        found[f"{of}_color"] = _attribute([columns[name] for name in color if name in columns])
+    met = {""}
+    for stem, group in groupby(names, lambda name: name.rpartition("_")[0]):
+        own = [*group]
+        last = tuple(name.rpartition("_")[2] for name in own)
+        ending = next((ending for sequence, ending in SUFFIXES.items() if sequence[: len(last)] == last), None)
+        if stem not in met and ending is not None:
+            found.setdefault(f"{of}_{stem}{ending}", _attribute([columns[name] for name in own]))
+        met.add(stem)
+    return found
+
+
+def _attribute(columns: Sequence[Column]) -> NDArray[np.float32] | str:
+    if len(columns) not in (1, 3):
+        return f"has {len(columns)} numbers, where 1 or 3 are expected"
+    if any(np.dtype(column.property.type).kind != "f" for column in columns):
+        return "has integers, where floats in [0, 1] are expected"
+    with np.errstate(over="ignore"):
+        return np.stack([column.read() for column in columns], axis=1).astype(np.float32)
 
 
 def _columns(columns: Columns, names: Sequence[str]) -> NDArray[np.float64] | None:
@@ -200,14 +235,17 @@ def _columns(columns: Columns, names: Sequence[str]) -> NDArray[np.float64] | No
     return np.stack([columns[name].read() for name in names], axis=1, dtype=np.float64)
 
 
-def _triangles(corners: Column) -> NDArray[Any]:
-    """(m, 3) the indices of the corners."""
+def _triangles(corners: Column) -> tuple[NDArray[Any], Any]:
+    """(m, 3) the indices of the corners, and which polygon each triangle is of, as an index."""
     indices, counts = corners.read(), corners.counts
     if counts is None or len(counts) == 0:
-        return np.zeros((0, 3), np.int64)
+        return np.zeros((0, 3), np.int64), slice(None)
     if counts.max() < 3 or indices.dtype.kind not in "iu":
         raise ValueError("its faces are no polygons")
-    return indices.reshape(-1, 3) if counts.min() == counts.max() == 3 else indices[fans(counts)[0]]
+    if counts.min() == counts.max() == 3:
+        return indices.reshape(-1, 3), slice(None)
+    places, polygon = fans(counts)
+    return indices[places], polygon
 
 
 def write_ply(
@@ -218,9 +256,10 @@ def write_ply(
     uvs: NDArray[np.floating] | None = None,
     face_materials: NDArray[np.int32] | None = None,
     exact: bool = False,
+    attributes: Attributes | None = None,
 ) -> None:
     """Writes a file of triangles: `vertices` (n, 3), `normals` (n, 3) and texture coordinates (n, 2), of each of the `faces`
-    (m, 3) its vertices and, where given, its material.
+    (m, 3) its vertices and, where given, its material; and attributes of both.
 
     Numbers are float32, the precision in which other renderers read them; float64 with `exact`, whose normals raybench then
     reads to the last bit. Raises `OSError`.
@@ -228,6 +267,11 @@ def write_ply(
     columns = [vertices, *([] if normals is None else [normals]), *([] if uvs is None else [uvs])]
     names = ["x", "y", "z", *([] if normals is None else ["nx", "ny", "nz"]), *([] if uvs is None else ["u", "v"])]
     kind, real = ("double", "<f8") if exact else ("float", "<f4")
+    attributes = attributes or {}
+    of_vertices = {name: values for name, values in attributes.items() if name.startswith(VERTEX)}
+    of_faces = {name: values for name, values in attributes.items() if name.startswith(FACE)}
+    columns += of_vertices.values()
+    names += [each for name, values in of_vertices.items() for each in _properties(name[len(VERTEX) :], values.shape[1])]
     lines = [b"ply", b"format binary_little_endian 1.0", *([UNIT_NORMALS] if exact else [])]
     lines += [f"element vertex {len(vertices)}".encode(), *(f"property {kind} {name}".encode() for name in names)]
     lines += [f"element face {len(faces)}".encode(), b"property list uchar int vertex_indices"]
@@ -235,7 +279,12 @@ def write_ply(
     if face_materials is not None:
         lines += [b"property int material"]
         row += [("material", "<i4")]
+    for index, (name, values) in enumerate(of_faces.items()):
+        lines += [f"property float {each}".encode() for each in _properties(name[len(FACE) :], values.shape[1])]
+        row += [(f"attribute{index}", "<f4", values.shape[1:])]
     table = np.zeros(len(faces), row)
+    for index, values in enumerate(of_faces.values()):
+        table[f"attribute{index}"] = values
     table["count"], table["corners"] = 3, faces
     if face_materials is not None:
         table["material"] = face_materials
@@ -243,3 +292,8 @@ def write_ply(
         file.write(b"\n".join([*lines, b"end_header", b""]))
         file.write(np.concatenate(columns, axis=1).astype(real).tobytes())
         file.write(table.tobytes())
+
+
+def _properties(name: str, count: int) -> list[str]:
+    """The properties that are read as an attribute with this name, less what it begins with."""
+    return [*COLORS[0][:3]] if (name, count) == ("color", 3) else [f"{name}_{number}" for number in range(count)]

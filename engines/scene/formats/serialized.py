@@ -44,10 +44,9 @@ def parse_serialized(data: bytes, shape_index: int, check: Callable[[float], Non
     positions = rows(3)
     normals = rows(3) if flags & NORMALS else None
     uvs = rows(2) if flags & UVS else None
-    if flags & COLORS:
-        rows(3)
+    attributes = {"vertex_color": rows(3)} if flags & COLORS else {}
     corners = np.frombuffer(stream.read(faces * 12), "<u4").astype(np.int64).reshape(-1, 3)
-    return FileMesh(positions, corners, normals, uvs)
+    return FileMesh(positions, corners, normals, uvs, attributes=attributes)
 
 
 def _version(data: bytes, at: int) -> int:

@@ -21,7 +21,7 @@ from engines.scene.mitsuba_xml.integrators import shader
 from engines.scene.mitsuba_xml.properties import Plugin, plugin_tree
 from engines.scene.mitsuba_xml.sensors import camera
 from engines.scene.mitsuba_xml.transforms import has_odd_axis
-from engines.scene.scene import Scene, scene_warnings
+from engines.scene.scene import Scene, check_attributes, scene_warnings
 from engines.scene.shapes import Shape
 
 CLIP_REACH = 4.0
@@ -50,6 +50,7 @@ def import_scene(document: Document) -> Scene:
     _finish(importer, tree)
     reader.warnings += importer.notes.sentences()
     seen = _unclipped(seen, all_shapes)
+    check_attributes(reader, all_shapes)
     materials = reader.table.materials
     return Scene(
         name=name,

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.scene import tessellate
+from engines.scene.attributes import Attributes, of_copies
 from engines.scene.bsdf import Bsdf, Sides
-from engines.scene.bsdf_tree import anisotropic, is_textured, leaves
+from engines.scene.bsdf_tree import anisotropic, attributes, is_textured, leaves
 from engines.scene.formats.mesh import MeshData, read_mesh_file
 from engines.scene.frames import mitsuba_frame
 from engines.scene.geometry import angle_weighted_normals, unit_rows, with_face_normals
@@ -24,7 +25,7 @@ from engines.scene.mitsuba_xml.transforms import Matrix, cofactors, mirrored, pl
 from engines.scene.models import Diffuse
 from engines.scene.shapes import PART, Cylinder, Disk, Shape, Sphere
 from engines.scene.tessellate import Triangles
-from engines.scene.textures import Color, Texture
+from engines.scene.textures import Color, MeshAttribute, Texture
 from engines.scene.triple import BLACK, triple
 
 SEGMENTS, RINGS, DISK_RINGS = 192, 96, 16
@@ -48,8 +49,14 @@ class Look:
 
     @property
     def looks_at_uv(self) -> bool:
-        """Whether its emission or its BSDF has a texture."""
-        return isinstance(self.radiance, Texture) or is_textured(self.bsdf)
+        """Whether its emission or its BSDF has a texture that looks at texture coordinates."""
+        own = isinstance(self.radiance, Texture) and not isinstance(self.radiance, MeshAttribute)
+        return own or is_textured(self.bsdf)
+
+    @property
+    def attributes(self) -> set[str]:
+        """The names of the attributes that its emission or its BSDF shows."""
+        return attributes(self.bsdf) | ({self.radiance.name} if isinstance(self.radiance, MeshAttribute) else set())
 
 
 def shape(importer: Importer, plugin: Plugin) -> Shape:
@@ -101,7 +108,7 @@ def _mesh(importer: Importer, plugin: Plugin, look: Look, triangles: Triangles, 
         swapped = np.full(len(faces), mirrored(matrix) != turn)
     else:
         normals = transformed_normals(matrix, normals) * (-1.0 if turn else 1.0)
-        vertices, faces, normals, uvs, _ = with_face_normals(vertices, faces, normals, uvs)
+        vertices, faces, normals, uvs, _, _ = with_face_normals(vertices, faces, normals, uvs)
         swapped = against(vertices, faces, normals)
     return finished(importer, plugin, look, vertices, _swapped(faces, swapped), normals, uvs)
 
@@ -131,10 +138,11 @@ def finished(
     faces: NDArray[np.int32],
     normals: NDArray[np.float64] | None,
     uvs: NDArray[np.float64] | None,
+    attributes: Attributes | None = None,
 ) -> Mesh:
     """The mesh of these arrays, read-only, with the material of `look`."""
     material = importer.material(look.bsdf, look.radiance, look.name)
-    return read_only_mesh(vertices, faces, np.full(len(faces), material), normals, plugin.id or plugin.type, uvs)
+    return read_only_mesh(vertices, faces, np.full(len(faces), material), normals, plugin.id or plugin.type, uvs, attributes)
 
 
 # ---- shapes ----------------------------------------------------------------------------------------------------------
@@ -215,45 +223,48 @@ def _from_file(importer: Importer, plugin: Plugin, look: Look) -> Mesh:
     """OBJ, PLY or serialized: one mesh, whatever groups and materials the file has."""
     key = (id(plugin), "mesh")
     if key not in importer.built:
-        importer.built[key] = _read(importer, plugin)
-    vertices, faces, normals, uvs = importer.built[key]
+        importer.built[key] = _read(importer, plugin, look)
+    vertices, faces, normals, uvs, named = importer.built[key]
+    for name in sorted(look.attributes - named.keys()):
+        raise plugin.refuse(f"material {look.name!r} shows the attribute {name!r}, which the file does not have")
     if importer.outer is not None:
         vertices = placed(importer.outer, vertices)
         normals = None if normals is None else transformed_normals(importer.outer, normals)
         faces = _swapped(faces, np.full(len(faces), mirrored(importer.outer)))
         importer.check_finite(plugin, vertices)
-    if uvs is None and (isinstance(look.radiance, Texture) or is_textured(look.bsdf)):
+    if uvs is None and look.looks_at_uv:
         importer.notes.add(f"a textured mesh without texture coordinates: each triangle shows {PART}", plugin.element)
-    return finished(importer, plugin, look, vertices, faces, normals, uvs)
+    return finished(importer, plugin, look, vertices, faces, normals, uvs, named)
 
 
 def _read(
-    importer: Importer, plugin: Plugin
-) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float64] | None, NDArray[np.float64] | None]:
-    """Vertices, faces, normals and texture coordinates of a file as its `to_world` places them."""
+    importer: Importer, plugin: Plugin, look: Look
+) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float64] | None, NDArray[np.float64] | None, Attributes]:
+    """Vertices, faces, normals, texture coordinates and attributes of a file as its `to_world` places them."""
     named, matrix = plugin.file("filename"), plugin.transform()
     turn, flat = plugin.boolean("flip_normals", default=False), plugin.boolean("face_normals", default=False)
-    data = _mesh_data(importer, plugin, named, flat)
+    data = _mesh_data(importer, plugin, named, flat, look)
     vertices, faces = placed(matrix, data.vertices), data.faces
     importer.check_finite(plugin, vertices)
     if flat:
-        return vertices, _swapped(faces, np.full(len(faces), turn)), None, data.uvs
+        return vertices, _swapped(faces, np.full(len(faces), turn)), None, data.uvs, data.attributes
     own = data.normals
     normals = angle_weighted_normals(vertices, faces) if own is None else transformed_normals(matrix, own)
-    vertices, faces, normals, uvs, replaced = with_face_normals(vertices, faces, normals, data.uvs)
+    vertices, faces, normals, uvs, replaced, copied = with_face_normals(vertices, faces, normals, data.uvs)
     if replaced:
         importer.notes.add(faceted(replaced), named)
     normals = -normals if turn else normals
-    return vertices, _swapped(faces, against(vertices, faces, normals)), normals, uvs
+    return vertices, _swapped(faces, against(vertices, faces, normals)), normals, uvs, of_copies(data.attributes, copied)
 
 
-def _mesh_data(importer: Importer, plugin: Plugin, named: Element, flat: bool) -> MeshData:
-    """Vertices, faces, texture coordinates and (unless `flat`) normals of the file that is named."""
+def _mesh_data(importer: Importer, plugin: Plugin, named: Element, flat: bool, look: Look) -> MeshData:
+    """Vertices, faces, texture coordinates, (unless `flat`) normals and the attributes that `look` shows of the file that is
+    named."""
     node, suffix = named.located(named.attributes["value"]), f".{plugin.type}"
     shape_index = plugin.integer("shape_index", default=0, low=0, high=2**31 - 1) if suffix == ".serialized" else 0
     flip = plugin.boolean("flip_tex_coords", default=suffix == ".obj") if suffix != ".serialized" else False
     file = importer.place.find(node, node.value)
-    data = read_mesh_file(node, file, not flat, True, shape_index, flip_v=flip, suffix=suffix)
+    data = read_mesh_file(node, file, not flat, True, shape_index, flip, suffix, look.attributes)
     for note in data.warnings:
         importer.notes.add(note, named)
     if flip and suffix != ".obj" and data.uvs is not None:

@@ -8,12 +8,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from engines.scene.attributes import EXPECTED_NAME, is_attribute
 from engines.scene.geometry import read_only
 from engines.scene.mitsuba_xml.colors import EMISSION, HOTTEST, REFLECTANCE, checked_color, color, of_black_body, of_samples
 from engines.scene.mitsuba_xml.context import Importer
 from engines.scene.mitsuba_xml.document import Element
 from engines.scene.mitsuba_xml.properties import Plugin
-from engines.scene.textures import IDENTITY, Checkerboard, Color, ImageTexture, Number, Texture, UVMatrix, tinted
+from engines.scene.textures import IDENTITY, Checkerboard, Color, ImageTexture, MeshAttribute, Number, Texture, UVMatrix, tinted
 from engines.scene.triple import BLACK, WHITE, Triple, product
 
 FILTERS = {"bilinear": "bilinear", "nearest": "nearest", "trilinear": "bilinear", "ewa": "bilinear"}
@@ -159,7 +160,19 @@ def _scaled(importer: Importer, plugin: Plugin, role: str) -> Texture | Triple:
         raise plugin.refuse("one nested texture is expected")
     scaled, element = texture(importer, inner[0], role), plugin.spectrum("scale", "value")
     factor = WHITE if element is None else color(element, "factor")
+    if isinstance(scaled, MeshAttribute) and len(set(factor)) > 1:
+        raise plugin.refuse("an attribute of meshes is scaled by a number, not by a colour")
     return product(scaled, factor) if isinstance(scaled, tuple) else tinted(scaled, factor)
+
+
+def _mesh_attribute(importer: Importer, plugin: Plugin, role: str) -> MeshAttribute:
+    """The `vertexcolors` of Mitsuba 0.x have no name."""
+    name = "vertex_color" if plugin.type == "vertexcolors" else plugin.text("name")
+    if name is None or not is_attribute(name):
+        raise plugin.refuse(f"name: {EXPECTED_NAME}")
+    made = MeshAttribute(name, plugin.number("scale", default=1.0, low=0.0))
+    importer.reader.textures[name] = made
+    return made
 
 
 def _constant(importer: Importer, plugin: Plugin, role: str) -> Triple:
@@ -209,6 +222,8 @@ def _sampled(importer: Importer, plugin: Plugin, role: str) -> Triple:
 TEXTURES = {
     "bitmap": _bitmap,
     "checkerboard": _checkerboard,
+    "mesh_attribute": _mesh_attribute,
+    "vertexcolors": _mesh_attribute,
     "scale": _scaled,
     "srgb": _constant,
     "uniform": _constant,
@@ -219,10 +234,8 @@ TEXTURES = {
     "irregular": _sampled,
 }
 REFUSED = {
-    "mesh_attribute": "attributes of a mesh are not read: bake them into a bitmap",
     "volume": "volumes are not supported",
     "wireframe": "is not supported",
     "gridtexture": "is not supported: bake it into a bitmap",
     "curvature": "is not supported",
-    "vertexcolors": "attributes of a mesh are not read: bake them into a bitmap",
 }
