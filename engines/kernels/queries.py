@@ -39,8 +39,7 @@ def _ray(origins, directions, t_max, center, i):
     ox, oy, oz = origins[i, 0], origins[i, 1], origins[i, 2]
     good = math.isfinite(big) and big > 0.0 and math.isfinite(x + y + z) and math.isfinite(ox + oy + oz) and t_max[i] > 0.0
     if not good:
-        zero, one = np.float64(0.0), np.float64(1.0)
-        return Vec3(zero, zero, zero), Vec3(zero, zero, one), -one, one
+        return Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 1.0), -1.0, 1.0
     scale = 1.0 / big if big > 1e-300 else 1e300
     x, y, z = x * scale, y * scale, z * scale
     norm = math.sqrt(x * x + y * y + z * z)

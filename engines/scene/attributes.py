@@ -23,12 +23,12 @@ def is_attribute(name: str) -> bool:
 
 def checked_attributes(attributes: Mapping[str, Any], vertices: int, faces: int) -> dict[str, NDArray[np.float32]]:
     """Read-only attributes of a mesh with so many vertices and faces. Raises ValueError."""
+    if wrong := next((name for name in attributes if not (isinstance(name, str) and is_attribute(name))), None):
+        raise ValueError(f"attribute {wrong!r}: {EXPECTED_NAME}")
     return {name: _checked(name, values, vertices if name.startswith(VERTEX) else faces) for name, values in attributes.items()}
 
 
 def _checked(name: str, values: Any, rows: int) -> NDArray[np.float32]:
-    if not is_attribute(name):
-        raise ValueError(f"attribute {name!r}: {EXPECTED_NAME}")
     array = np.asarray(values)
     if array.dtype.kind not in "iuf" or array.shape not in ((rows, 1), (rows, 3)):
         expected = f"must be {rows} rows of 1 or 3 numbers"

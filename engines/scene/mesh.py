@@ -39,7 +39,8 @@ class Mesh:
     never hit and never sampled. `uvs` (n, 2) float64 are texture coordinates of the vertices, or None.
 
     `attributes` are float32 values in [0, 1], (n, 3) or (n, 1) of each vertex ("vertex_color"), (m, 3) or (m, 1) of each face
-    ("face_color"). Arrays of other types, and those that can be written to, are copied. Raises `SceneError` for what is none.
+    ("face_color"). Arrays of other types, and those that can be written to, are copied. Raises `SceneError` for wrong names,
+    shapes or values.
     """
 
     vertices: NDArray[np.float64]

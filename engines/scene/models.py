@@ -1,6 +1,6 @@
 """BSDF models that scatter light by themselves: what engines get of each, and beside it the keys of a scene file.
 
-`transmission` of each is BLACK, or 0, exactly where no light passes it."""
+`transmission` of each is the factor of what passes it: BLACK, or 0, where the model never transmits."""
 
 from __future__ import annotations
 
@@ -347,7 +347,7 @@ class Sheen:
 
 
 SHEEN = Record(
-    "The sheen of cloth at grazing angles, as principled has it, by itself: black where it is seen from above.",
+    "The sheen of cloth at grazing angles, as principled has it, by itself: strongest where light grazes towards the viewer.",
     {"color": Key(SHARE, "Colour of the sheen.", 1)},
     lambda given, context: Sheen(**given.values),
 )

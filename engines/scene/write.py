@@ -111,7 +111,7 @@ class _Writer:
 
     def material(self, material: Material) -> Keys:
         keys = self.bsdf(material.bsdf) if material.bsdf else self.lobes(material)
-        emission = {"emission": self.value(material.emission)} if material.emits else {}
+        emission = {"emission": self.value(material.emission)} if material.emission != BLACK else {}
         return keys | emission | ({"two_sided": True} if material.two_sided else {})
 
     def lobes(self, of: Material | Mixture) -> Keys:

@@ -65,12 +65,16 @@ def integer(low: int, high: int) -> Kind:
 
 def within(low: float, high: float) -> Kind:
     """A number in [low, high]."""
-    return Kind(lambda node: fields.within(node, low, high), {"type": "number", "minimum": low, "maximum": high})
+    return Kind(lambda node: fields.within(node, low, high), {"type": "number", "minimum": low, **_at_most(high)})
+
+
+def _at_most(high: float) -> dict[str, float]:
+    return {} if math.isinf(high) else {"maximum": high}
 
 
 def color(high: float = math.inf) -> Kind:
     """A number for grey or [r, g, b], each in [0, high]."""
-    channel = {"type": "number", "minimum": 0, **({} if math.isinf(high) else {"maximum": high})}
+    channel = {"type": "number", "minimum": 0, **_at_most(high)}
     return Kind(lambda node: fields.color(node, high), {"anyOf": [channel, array_of(channel, 3)]})
 
 

@@ -83,8 +83,9 @@ def of(hint: Any) -> Any:
 
 def functions() -> dict[str, tuple[Any, tuple[Any, ...]]]:
     """Functions by name, and the types of what they take."""
+    path = types.BaseTuple.from_types([REAL if part == types.int32 else part for part in of(RayPath)], RayPath)
     vector, numbers, si = of(Vec3), types.UniTuple(REAL, BSDF_PARAMETERS), of(SurfaceInteraction)
-    step = (si, of(LightSample), of(Scattering), of(Draws), of(RayPath), types.UniTuple(REAL, 8))
+    step = (si, of(LightSample), of(Scattering), of(Draws), path, types.UniTuple(REAL, 8))
     wide = types.BaseTuple.from_types([types.float64] * 3, Vec3)
     found: dict[str, tuple[Any, tuple[Any, ...]]] = {
         "path_tracer.step": (path_tracer.INTEGRATOR.step, step),

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from numba.core.errors import TypingError
 
+from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import fma, select
-from engines.kernels.compile.vec3 import Vec3
+from engines.kernels.compile.vec3 import BLACK, WHITE, ZERO, Vec3
 from engines.kernels.compile.weak_literals import WeakCompiler
 
 THIRD = 1.0 / 3.0
@@ -68,6 +69,33 @@ def test_literals_that_only_meet_at_run_time_are_refused():
 
     with pytest.raises(TypingError, match="all operands are float literals"):
         compiled(both)(True)
+
+
+@pytest.mark.parametrize("real", [np.float32, np.float64])
+def test_vectors_of_literals_alone_are_float64_and_may_be_added_to(real):
+    def added(x):
+        total, other = Vec3(0.0, 0.0, 0.0), Vec3(1.0, 0.0, 0.0) + Vec3(0.0, 1.0, 0.0)
+        for _ in range(3):
+            total = total + Vec3(x, x, x)
+        return total.x + other.y if x > 0.0 else 0.0
+
+    assert compiled(added)(real(2)) == 7.0
+
+
+@pytest.mark.parametrize("real", [np.float32, np.float64])
+def test_black_and_white_take_the_type_of_what_they_meet(real):
+    def met(x):
+        v = select(x > 0.0, Vec3(x, x, x), BLACK) + WHITE * x
+        return v.x + ZERO
+
+    jitted = compiled(met)
+    assert jitted(real(2)) == 4.0
+    (overload,) = jitted.overloads.values()
+    assert overload.signature.return_type == getattr(numba.types, real.__name__)
+
+
+def test_python_gets_constants_of_no_type_of_their_own_as_floats():
+    assert inline(lambda x: BLACK)(1.0) == (0.0, 0.0, 0.0)
 
 
 class Sample(NamedTuple):

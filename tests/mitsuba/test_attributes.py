@@ -9,6 +9,7 @@ from engines.errors import Unsupported
 from engines.peers.export import export
 from engines.scene import (
     Blend,
+    Conductor,
     Diffuse,
     EnvironmentLight,
     Mask,
@@ -114,8 +115,8 @@ def test_an_export_keeps_attributes_and_their_textures(tmp_path):
     for mesh, before in zip(again.shapes, given.shapes, strict=True):
         shown = {name: values for name, values in mesh.attributes.items() if name in before.attributes}
         assert shown and all(np.array_equal(values, before.attributes[name]) for name, values in shown.items())
-    assert again.materials[0].bsdf.weight == MeshAttribute("vertex_color_luminance", 0.9)
-    weights = again.shapes[0].attributes["vertex_color_luminance"]
+    assert again.materials[0].bsdf.weight == MeshAttribute("vertex_color_as_number", 0.9)
+    weights = again.shapes[0].attributes["vertex_color_as_number"]
     assert weights[:, 0] == pytest.approx(given.shapes[0].attributes["vertex_color"] @ (0.212671, 0.715160, 0.072169))
 
 
@@ -130,3 +131,11 @@ def test_what_mitsuba_does_not_take_is_declined(tmp_path):
         held = Scene("s", base.camera, (material,) * 3, base.shapes, (), "")
         with pytest.raises(Unsupported, match=words):
             export(held, "mitsuba", tmp_path / "s.xml")
+
+
+def test_the_albedo_of_a_metal_with_an_attribute_is_declined():
+    base = described_scene()
+    metal = Material("m", bsdf=Conductor((0.2,) * 3, (3.0,) * 3, reflectance=MeshAttribute("vertex_color")))
+    held = Scene("s", base.camera, (metal,) * 3, base.shapes, (), "")
+    why = engines.engine("mitsuba_scalar").why_not(held, engines.Settings(shader="albedo", sampler="random"))
+    assert why is not None and "Mitsuba's albedo has no metal with an attribute" in why

@@ -9,7 +9,7 @@ from numba import types
 from numba.extending import overload
 
 from engines.kernels.compile.simd_types import Simd
-from engines.kernels.compile.weak_literals import WeakCompiler, WeakFloat
+from engines.kernels.compile.weak_literals import Weak, WeakCompiler, WeakFloat
 
 
 class Vec3(NamedTuple):
@@ -18,6 +18,11 @@ class Vec3(NamedTuple):
     x: float
     y: float
     z: float
+
+
+ZERO = Weak(0.0)
+BLACK, WHITE = Vec3(ZERO, ZERO, ZERO), Vec3(Weak(1.0), Weak(1.0), Weak(1.0))
+"""Constants that take the type of what they meet, as literals do: a vector of literals alone is float64."""
 
 
 def vec3_of(scalar: object) -> types.Type:

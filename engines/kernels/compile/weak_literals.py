@@ -23,11 +23,11 @@ from numba.core.imputils import lower_constant
 from numba.core.typeconv.rules import default_casting_rules
 from numba.core.typed_passes import NopythonTypeInference
 from numba.core.untyped_passes import IRProcessing
-from numba.extending import intrinsic, lower_cast, models, register_model, typeof_impl
+from numba.extending import box, intrinsic, lower_cast, models, register_model, typeof_impl
 
 
 class Weak(float):
-    """The value of a weak literal."""
+    """The value of a weak literal. As a global number, or in a global record, it is weak in compiled code, too."""
 
 
 class WeakFloat(types.Type):
@@ -72,6 +72,11 @@ def const(typing, value, like):
         return context.cast(builder, arguments[0], signature.args[0], kind)
 
     return kind(value, like), generate
+
+
+@box(WeakFloat)
+def _boxed(kind: Any, value: Any, c: Any) -> Any:
+    return c.pyapi.float_from_double(value)
 
 
 @lower_constant(WeakFloat)
@@ -145,8 +150,7 @@ class WeakLiterals(FunctionPass):
 
 def _type_arguments(block: Any, call: ir.Assign, function: Any, literals: dict[str, ir.Assign]) -> None:
     """Literals among the arguments of a call get a type where Numba would find none: in a record, such as a vector, that of its
-    first other float; float64 for a type of numbers, and for a parameter, which may be one. A record of literals alone stays
-    weak."""
+    first other float, and float64 where there is none; float64 for a type of numbers, and for a parameter, which may be one."""
     every = [*call.value.args, *(part for _, part in call.value.kws)]
     given = [part for part in every if part.name in literals]
     others = [part for part in every if part.name not in literals]
@@ -158,7 +162,7 @@ def _type_arguments(block: Any, call: ir.Assign, function: Any, literals: dict[s
             value = _assigned(block, part.name, ir.Expr.call(typed, (part, like), (), call.loc), call)
             call.value.args = [value if each is part else each for each in call.value.args]
             call.value.kws = [(name, value if each is part else each) for name, each in call.value.kws]
-    elif not is_record and _may_be_type(function):
+    elif is_record or _may_be_type(function):
         for part in given:
             literals[part.name].value = ir.Const(float(literals[part.name].value.value), call.loc)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import select
 from engines.kernels.integrators.interface import Integrator, Uses, finish
-from engines.kernels.lane.vector import Vec3, largest, length
+from engines.kernels.lane.vector import BLACK, Vec3, largest, length
 
 MAX_POINT = 3
 """Place among the options of the first of three coordinates."""
@@ -15,9 +15,8 @@ MAX_POINT = 3
 def albedo(si, light, bsdf, draws, path, options):
     """The material's albedo (the first of kd, ks and kt that is not black), and emission where that is black, as MobileRT's
     shader of the diffuse material shows it."""
-    none = Vec3(0.0, 0.0, 0.0)
-    shown = select(largest(bsdf.albedo) > 0.0, bsdf.albedo, select(si.miss, none, si.emission))
-    return finish(si.t, shown, none)
+    shown = select(largest(bsdf.albedo) > 0.0, bsdf.albedo, select(si.miss, BLACK, si.emission))
+    return finish(si.t, shown, BLACK)
 
 
 ALBEDO = Integrator(albedo, Uses(albedos=True), lit=False)
@@ -29,7 +28,7 @@ def depth_map(si, light, bsdf, draws, path, options):
     far = 1.1 * length(Vec3(options[MAX_POINT], options[MAX_POINT + 1], options[MAX_POINT + 2]) - si.origin)
     grey = (far - si.t) / select(far > 0.0, far, 1.0)
     grey = select((not si.miss) & (grey > 0.0) & (far > 0.0), grey, 0.0)
-    return finish(si.t, Vec3(grey, grey, grey), Vec3(0.0, 0.0, 0.0))
+    return finish(si.t, Vec3(grey, grey, grey), BLACK)
 
 
 DEPTH_MAP = Integrator(depth_map, Uses(), lit=False)

@@ -12,7 +12,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from engines.kernels.compile.jit import inline
-from engines.kernels.compile.vec3 import Vec3
+from engines.kernels.compile.vec3 import BLACK, ZERO, Vec3
 
 MAX_DEPTH = 0
 """The place among the options of a built-in integrator of the depth at which its paths end, if it has one."""
@@ -56,7 +56,7 @@ class Draws(NamedTuple):
 class Path(NamedTuple):
     throughput: Vec3
     depth: int
-    """Segments so far: 1 for the camera ray."""
+    """Segments so far: 1 for the camera ray. A step gets it in the tracing precision."""
     pdf: float
     """Solid-angle pdf of the last direction; inf after a specular event, and from the camera."""
     eta_scale: float
@@ -116,5 +116,4 @@ class Integrator(NamedTuple):
 @inline
 def finish(like, radiance, direct):
     """A result that ends the path."""
-    none = Vec3(0.0, 0.0, 0.0)
-    return ScatterResult(radiance, direct, False, none, False, none, 0.0, False, none, none)
+    return ScatterResult(radiance, direct, False, BLACK, False, BLACK, ZERO, False, BLACK, BLACK)

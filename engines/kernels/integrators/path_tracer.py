@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from engines.kernels.compile.jit import inline
-from engines.kernels.compile.values import const, select
+from engines.kernels.compile.values import select
 from engines.kernels.integrators.interface import MAX_DEPTH, Integrator, ScatterResult, Uses
 from engines.kernels.lane.sampling import power_heuristic
-from engines.kernels.lane.vector import Vec3, dot, largest
+from engines.kernels.lane.vector import BLACK, dot, largest
 
 LIGHT_ONLY, BSDF_ONLY, MIS = 0, 1, 2
 DIRECT = {"light": LIGHT_ONLY, "bsdf": BSDF_ONLY, "mis": MIS}
@@ -17,7 +17,6 @@ RR_DEPTH, DIRECT_OPTION, LIGHT_CANDIDATES = 1, 2, 3
 @inline
 def _path_step(si, light, bsdf, draws, path, options, crosses):
     """One vertex. Where the sample `crosses` the surface, that is no vertex: depth and pdf stay, and there is no roulette."""
-    depth, none = const(path.depth, si.t), Vec3(0.0, 0.0, 0.0)
     max_depth, rr_depth, direct = options[MAX_DEPTH], options[RR_DEPTH], options[DIRECT_OPTION]
     use_light, use_bsdf = direct == LIGHT_ONLY, direct == BSDF_ONLY
 
@@ -28,7 +27,7 @@ def _path_step(si, light, bsdf, draws, path, options, crosses):
     radiance = path.throughput * si.emission * w
 
     sample = bsdf.sample
-    goes_on = (depth < max_depth) & (not si.miss)
+    goes_on = (path.depth < max_depth) & (not si.miss)
 
     # direct light
     w = power_heuristic(light.pdf, bsdf.pdf)
@@ -46,20 +45,20 @@ def _path_step(si, light, bsdf, draws, path, options, crosses):
     # roulette, as if refraction did not scale radiance
     survival = largest(throughput) * (path.eta_scale * bsdf.eta_scale)
     survival = select(survival < 0.95, survival, 0.95)
-    plays = (depth >= rr_depth) & (not crosses)
+    plays = (path.depth >= rr_depth) & (not crosses)
     alive = alive & ((draws.roulette < survival) | (not plays))
     throughput = throughput * select(plays, 1.0 / select(survival > 0.0, survival, 1.0), 1.0)
     return ScatterResult(
         radiance,
-        select(lit, li, none),
+        select(lit, li, BLACK),
         alive,
         sample.wi,
         sample.transmitted,
         throughput,
         select(crosses, path.pdf, sample.pdf),
         False,
-        none,
-        none,
+        BLACK,
+        BLACK,
     )
 
 

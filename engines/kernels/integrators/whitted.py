@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 from engines.kernels.compile.jit import inline
-from engines.kernels.compile.values import const, select
+from engines.kernels.compile.values import select
 from engines.kernels.integrators.interface import MAX_DEPTH, Integrator, ScatterResult, Uses, finish
-from engines.kernels.lane.vector import Vec3, dot, total
+from engines.kernels.lane.vector import BLACK, dot, total
 
 AMBIENT = 1
 """Place among the options."""
@@ -21,7 +21,7 @@ def local(si, light, bsdf, path, ambient):
     side = dot(si.geometric_normal, light.wi)
     lit = (not si.miss) & (value.scale > 0.0) & (select(bsdf.through, -side, side) > 0.0) & (light.pdf > 0.0)
     direct = path.throughput * value.color * light.radiance * select(lit, value.scale, 0.0)
-    return radiance, select(lit, direct, Vec3(0.0, 0.0, 0.0))
+    return radiance, select(lit, direct, BLACK)
 
 
 @inline
@@ -30,7 +30,7 @@ def whitted(si, light, bsdf, draws, path, options):
     reflection, transmission = bsdf.reflection, bsdf.transmission
     ks = path.throughput * reflection.weight.color * reflection.weight.scale
     kt = path.throughput * transmission.weight.color * transmission.weight.scale
-    deeper = (const(path.depth, si.t) < options[MAX_DEPTH]) & (not si.miss)
+    deeper = (path.depth < options[MAX_DEPTH]) & (not si.miss)
     reflects = deeper & reflection.valid & (total(ks) > 0.0) & (dot(si.geometric_normal, reflection.wi) > 0.0)
     side = dot(si.geometric_normal, transmission.wi)
     through = transmission.transmitted

@@ -9,10 +9,31 @@ import numpy as np
 
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import select
-from engines.kernels.compile.vec3 import Vec3
+from engines.kernels.compile.vec3 import BLACK, WHITE, Vec3
 from engines.kernels.lane.target import floor, sqrt
 
-ORIGIN = Vec3(np.float64(0.0), np.float64(0.0), np.float64(0.0))
+__all__ = [
+    "BLACK",
+    "WHITE",
+    "Frame",
+    "Vec3",
+    "cross",
+    "dot",
+    "extent",
+    "frame_at",
+    "frame_of_normal",
+    "frame_of_tangent",
+    "largest",
+    "length",
+    "sin_cos_turn",
+    "tangents",
+    "to_float64",
+    "to_local",
+    "to_real",
+    "to_world",
+    "total",
+    "unit",
+]
 
 
 @inline
@@ -104,22 +125,6 @@ def sin_cos_turn(u):
     low = (quarter == 2.0) | (quarter == 3.0)
     left = (quarter == 1.0) | (quarter == 2.0)
     return select(low, -sine, sine), select(left, -cosine, cosine)
-
-
-__all__ = [
-    "Vec3",
-    "cross",
-    "dot",
-    "extent",
-    "largest",
-    "length",
-    "sin_cos_turn",
-    "tangents",
-    "to_float64",
-    "to_real",
-    "total",
-    "unit",
-]
 
 
 # ---- local frames: z along the shading normal, x along the shape's tangent ------------------------------------------

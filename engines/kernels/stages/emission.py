@@ -16,7 +16,7 @@ from engines.kernels.flatten.shapes import SPHERE as SPHERE_SHAPE
 from engines.kernels.lane.shapes import plane, sphere
 from engines.kernels.lane.shapes.coordinates import Coordinates
 from engines.kernels.lane.shapes.triangle import VertexUV, interpolated_uv
-from engines.kernels.lane.vector import ORIGIN, Vec3, to_float64, to_real
+from engines.kernels.lane.vector import Vec3, to_float64, to_real
 from engines.kernels.layout import LANES, POINT_U0, POINT_U1
 from engines.kernels.stages.material import analytic_coordinates
 from engines.kernels.stages.textures import OnTriangle, make_color
@@ -39,7 +39,7 @@ def _make_place(features: SceneFeatures) -> Any:
 
     @inline
     def place(scene, row, p, b1, b2):
-        kind, index, none = np.int64(row.shape), np.int64(row.index), ORIGIN
+        kind, index, none = np.int64(row.shape), np.int64(row.index), Vec3(0.0, 0.0, 0.0)
         if triangles and kind == TRIANGLE:
             return _on_triangle(scene, row, b1, b2)
         at = Coordinates(0.0, 0.0, none, none)

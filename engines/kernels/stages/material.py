@@ -23,7 +23,7 @@ from engines.kernels.lane import tilt
 from engines.kernels.lane.shapes import plane, sphere, triangle
 from engines.kernels.lane.shapes.coordinates import Coordinates
 from engines.kernels.lane.shapes.triangle import VertexUV
-from engines.kernels.lane.vector import ORIGIN, Vec3, dot, to_float64
+from engines.kernels.lane.vector import Vec3, dot, to_float64
 from engines.kernels.layout import BSDF_PARAMETERS, LANES, LOBE, ray_batch, scene_table
 from engines.kernels.stages.textures import OnTriangle, color_at, gradient_at, luminance, make_color, prefetch_texels
 
@@ -68,11 +68,11 @@ def _make_coordinates(features: SceneFeatures) -> Any:
             if planes and kind == PLANE:
                 return plane.coordinates(p, Vec3(x, y, z), Vec3(a, b, c))
         if has_analytic and kind > PLANE:
-            none = ORIGIN
+            none = Vec3(0.0, 0.0, 0.0)
             return analytic(kind, Coordinates(0.0, 0.0, none, none), p, lane_numbers(rays.shape_parameters, lane))
         if triangles:
             return on_triangle(rays, lane, scene)
-        none = ORIGIN
+        none = Vec3(0.0, 0.0, 0.0)
         return Coordinates(0.0, 0.0, none, none)
 
     return coordinates
@@ -152,7 +152,7 @@ def tilted(scene, node, kind, frame, before, at, front, ng, wo):
     else:
         found = tilt.normal_map(frame, front, through, wo, color_at(scene, texture, at.u, at.v))
     if dot(before, before) == 0.0 or not (found.seen or through):
-        return found, ORIGIN
+        return found, Vec3(0.0, 0.0, 0.0)
     return found, frame.normal
 
 
@@ -194,7 +194,7 @@ def make_look_up(features: SceneFeatures) -> Any:
     @inline
     def look_up(rays, lane, scene, leaf, at):
         first, last, on = np.int64(leaf.texture), np.int64(-1), triangle_point(rays, lane)
-        color = ORIGIN
+        color = Vec3(0.0, 0.0, 0.0)
         for k in range(np.int64(leaf.value)):
             row = scene.lookups[first + k]
             texture, channel = np.int64(row.texture), np.int64(row.channel)

@@ -153,7 +153,7 @@ def gradient_at(scene, texture, u, v):
     at = _place(row, u, v)
     x, y = at.x * row.width - 0.5, at.y * row.height - 0.5
     if row.nearest != 0.0 or not (math.isfinite(x) and math.isfinite(y)):
-        return Place(np.float64(0.0), np.float64(0.0))
+        return Place(0.0, 0.0)
     texels = scene.texels[texture]
     c = _corners(row, x, y)
     h00, h10 = luminance(_texel(texels, row, c.above + c.left)), luminance(_texel(texels, row, c.above + c.right))

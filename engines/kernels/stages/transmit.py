@@ -22,7 +22,7 @@ from engines.kernels.features import SceneFeatures, per_features
 from engines.kernels.flatten.materials import transmittance_of
 from engines.kernels.flatten.programs import BLEND, BUMP, LEAF, MASK, SIDES, THROUGH
 from engines.kernels.lane import tilt
-from engines.kernels.lane.vector import ORIGIN, Vec3, largest, length, to_float64, to_real
+from engines.kernels.lane.vector import Vec3, largest, length, to_float64, to_real
 from engines.kernels.layout import BSDF_PARAMETERS, LANES, ray_batch, scene_table
 from engines.kernels.stages.material import coordinates_at, make_locate, make_look_up, make_share, tilted, triangle_point
 from engines.kernels.stages.shade import curved_shapes, make_left
@@ -69,7 +69,7 @@ def _make_of_node(features: SceneFeatures, blends: int, real: Any) -> Any:
 
     @inline
     def of_node(rays, lane, scene, first, share, at, frame, before):
-        passed, front = ORIGIN, rays.hit.front[lane]
+        passed, front = Vec3(0.0, 0.0, 0.0), rays.hit.front[lane]
         ng, wo = to_float64(rays.hit.geometric_normal[lane]), -to_float64(rays.direction[lane])
         node = scene.nodes[first]
         kind = np.int64(node.kind)

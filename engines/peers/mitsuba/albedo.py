@@ -20,6 +20,7 @@ from engines.scene import (
     Diffuse,
     Mask,
     Material,
+    MeshAttribute,
     Mixture,
     NormalMap,
     Null,
@@ -51,7 +52,10 @@ def painted(scene: Scene) -> tuple[Scene, float]:
 def albedo_lacks(scene: Scene) -> str | None:
     """One sentence on what Mitsuba cannot show of the scene, or None."""
     for material in scene.materials:
-        of_textures = (isinstance(color, Texture) for part in members(material.as_bsdf) for color in _colors(part))
+        parts = [*members(material.as_bsdf)]
+        if any(isinstance(part, Conductor) and isinstance(part.reflectance, MeshAttribute) for part in parts):
+            return f"material {material.name!r}: Mitsuba's albedo has no metal with an attribute"
+        of_textures = (isinstance(color, Texture) for part in parts for color in _colors(part))
         if material.emits and any(of_textures):
             return f"material {material.name!r}: Mitsuba's albedo has no emission where a texture is black"
     return None

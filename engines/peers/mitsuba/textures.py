@@ -11,7 +11,7 @@ from engines.peers.mitsuba.nodes import Array, Node, Placing, rgb
 from engines.scene import Checkerboard, Color, ImageTexture, MeshAttribute, Number, Texture
 from engines.scene.attributes import Attributes
 
-LUMINANCE_OF = "_luminance"
+LUMINANCE_OF = "_as_number"
 """Ends the names of attributes that are the luminance of others."""
 
 

@@ -104,6 +104,8 @@ def _header(data: bytes) -> tuple[list[Element], str, int]:
                 order = BYTE_ORDERS[name]
             case ["element", name, rows] if rows.isdecimal() and len(rows) < 19 and all(each.name != name for each in elements):
                 elements.append(Element(name, int(rows), []))
+            case ["property", *_, name] if elements and any(each.name == name for each in elements[-1].properties):
+                raise ValueError(f"its header has the property {name[:80]!r} of {elements[-1].name} twice")
             case ["property", type_, name] if elements and type_ in TYPES:
                 elements[-1].properties.append(Property(name, TYPES[type_]))
             case ["property", "list", count, type_, name] if elements and count in TYPES and type_ in TYPES:
@@ -194,7 +196,7 @@ def _mesh(tables: Mapping[str, Columns], exact: bool) -> FileMesh:
     names = [name for name in (*CORNERS, *lists) if name in lists]
     faces, polygon = _triangles(lists[names[0]]) if names else (np.zeros((0, 3), np.int64), slice(None))
     uvs = next((columns for pair in UVS if (columns := _columns(vertex, pair)) is not None), None)
-    materials = face["material"].read().astype(np.int32) if "material" in face and "material" not in lists else None
+    materials = face["material"].read().astype(np.int32)[polygon] if "material" in face and "material" not in lists else None
     of_faces = {name: found if isinstance(found, str) else found[polygon] for name, found in _attributes("face", face).items()}
     attributes = _attributes("vertex", vertex) | of_faces
     return FileMesh(vertices, faces, _columns(vertex, ("nx", "ny", "nz")), uvs, materials, exact, attributes)

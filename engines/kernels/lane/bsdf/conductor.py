@@ -15,7 +15,7 @@ from engines.kernels.features import SceneFeatures
 from engines.kernels.lane.bsdf.interface import ALL, SPECULAR_REFLECTION, BSDFSample, LaneBSDF, Spectrum
 from engines.kernels.lane.fresnel import fresnel_conductor, reflect
 from engines.kernels.lane.microfacet import Distribution, half_vector
-from engines.kernels.lane.vector import Vec3, dot, frame_at, to_local, to_world
+from engines.kernels.lane.vector import BLACK, Vec3, dot, frame_at, to_local, to_world
 
 PARAMETERS = 11
 
@@ -36,7 +36,7 @@ def _reflectance(parameters, cos):
 
 @inline
 def albedos(parameters, si):
-    return Vec3(0.0, 0.0, 0.0), _reflectance(parameters, const(1.0, si.t))
+    return BLACK, _reflectance(parameters, const(1.0, si.t))
 
 
 @cache

@@ -27,7 +27,7 @@ from engines.kernels.lane.bsdf.interface import (
 )
 from engines.kernels.lane.fresnel import fresnel_dielectric, reflect, refract
 from engines.kernels.lane.microfacet import Distribution, half_vector
-from engines.kernels.lane.vector import Vec3, dot, frame_at, to_local, to_world
+from engines.kernels.lane.vector import BLACK, Vec3, dot, frame_at, to_local, to_world
 
 PARAMETERS = 9
 
@@ -44,7 +44,7 @@ def _transmittance(parameters):
 
 @inline
 def _albedos(parameters, si):
-    return Vec3(0.0, 0.0, 0.0), _transmittance(parameters)
+    return BLACK, _transmittance(parameters)
 
 
 @inline

@@ -10,7 +10,7 @@ import math
 from typing import Any, NamedTuple
 
 from engines.kernels.compile.jit import inline
-from engines.kernels.compile.vec3 import Vec3
+from engines.kernels.compile.vec3 import BLACK, ZERO, Vec3
 
 ALL, SPECULAR_REFLECTION, SPECULAR_TRANSMISSION = range(3)
 """Which lobes `sample` chooses from: by chance among all, or one of the specular ones with certainty."""
@@ -85,20 +85,19 @@ class LaneBSDF(NamedTuple):
 @inline
 def no_sample():
     """A sample that ends the path."""
-    none = Vec3(0.0, 0.0, 0.0)
-    return BSDFSample(none, Spectrum(none, 0.0), 0.0, False, False)
+    return BSDFSample(BLACK, Spectrum(BLACK, ZERO), ZERO, False, False)
 
 
 @inline
 def no_value(parameters, si, wi):
     """The value of a model that has delta lobes alone."""
-    return Spectrum(Vec3(0.0, 0.0, 0.0), 0.0)
+    return Spectrum(BLACK, ZERO)
 
 
 @inline
 def no_pdf(parameters, si, wi):
     """The pdf of such a model."""
-    return 0.0
+    return ZERO
 
 
 @inline

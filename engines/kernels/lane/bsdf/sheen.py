@@ -12,7 +12,7 @@ from engines.kernels.compile.values import select
 from engines.kernels.lane.bsdf.interface import ALL, BSDFSample, LaneBSDF, Spectrum
 from engines.kernels.lane.sampling import cosine_direction, cosine_pdf
 from engines.kernels.lane.target import sqrt
-from engines.kernels.lane.vector import Vec3, dot
+from engines.kernels.lane.vector import BLACK, Vec3, dot
 
 PARAMETERS = 3
 
@@ -50,7 +50,7 @@ def _sample(parameters, si, u_lobe, u0, u1, which):
 
 @inline
 def _albedos(parameters, si):
-    return Vec3(0.0, 0.0, 0.0), _color(parameters)
+    return BLACK, _color(parameters)
 
 
 SHEEN = LaneBSDF(_evaluate, _pdf, _sample, _albedos)
