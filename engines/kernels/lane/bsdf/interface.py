@@ -10,6 +10,7 @@ import math
 from typing import Any, NamedTuple
 
 from engines.kernels.compile.jit import inline
+from engines.kernels.compile.values import const
 from engines.kernels.compile.vec3 import BLACK, ZERO, Vec3
 
 ALL, SPECULAR_REFLECTION, SPECULAR_TRANSMISSION = range(3)
@@ -91,7 +92,7 @@ def no_sample():
 @inline
 def no_value(parameters, si, wi):
     """The value of a model that has delta lobes alone."""
-    return Spectrum(BLACK, ZERO)
+    return Spectrum(BLACK, const(0.0, si.t))
 
 
 @inline
