@@ -249,7 +249,7 @@ def _placed(given: Given, data: MeshData) -> MeshData:
     return replace(data, vertices=vertices, normals=normals, faces=faces)
 
 
-_ATTRIBUTE = {"type": "array", "items": array_of(NUMBER.json, 1, 3)}
+_ATTRIBUTE = {"type": "array", "items": {"anyOf": [array_of(NUMBER.json, 1), array_of(NUMBER.json, 3)]}}
 _PAIRS = {"type": "array", "items": array_of(NUMBER.json, 2)}
 MESH = Record(
     "Triangles from a file, or listed.",

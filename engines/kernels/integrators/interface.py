@@ -115,5 +115,5 @@ class Integrator(NamedTuple):
 
 @inline
 def finish(like, radiance, direct):
-    """A result that ends the path."""
+    """A result that ends the path. `like` is not read: shaders give it since it once said the type of the zeros."""
     return ScatterResult(radiance, direct, False, BLACK, False, BLACK, ZERO, False, BLACK, BLACK)

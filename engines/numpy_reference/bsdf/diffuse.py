@@ -29,9 +29,12 @@ class DiffuseBSDF:
         lanes = np.flatnonzero(self.lobes[member] & lobes)
         here = at.take(lanes)
         wi = cosine_hemisphere(here.normal, u0[lanes], u1[lanes])
-        weight = np.where(here.reflects(wi), self._reflectance(member[lanes], here), 0.0)
-        found.put(lanes, wi, weight, self.pdf(member[lanes], here, wi))
+        found.put(lanes, wi, self._weight(member[lanes], here, wi), self.pdf(member[lanes], here, wi))
         return found
+
+    def _weight(self, member: Indices, at: SurfaceInteraction, wi: Array) -> Array:
+        """(3, n) f cos / pdf of sampled directions."""
+        return np.where(at.reflects(wi), self._reflectance(member, at), 0.0)
 
     def evaluate(self, member: Indices, at: SurfaceInteraction, wi: Array) -> Array:
         return np.where(at.reflects(wi), self._reflectance(member, at) / np.pi, 0.0)
