@@ -158,7 +158,7 @@ def _one_sided(bsdf: Bsdf, textures: Textures) -> Node:
         return _blend(bsdf, textures, _one_sided)
     if isinstance(bsdf, TILTS):
         return _tilt(bsdf, textures, _one_sided)
-    if isinstance(bsdf, Sheen):  # the only part of principled that is left
+    if isinstance(bsdf, Sheen):  # a black principled of index 1 has nothing but its sheen
         bsdf = Principled(BLACK, eta=1.0, sheen=bsdf.color[0])  # type: ignore[index]
     return _mixture(bsdf, textures) if isinstance(bsdf, Mixture) else _leaf(bsdf, textures)
 
