@@ -102,9 +102,8 @@ def places(results: Results) -> dict[Settings, int]:
     the first combination that has most of its settings, all of them where the config is that of the run."""
     written = results.config.combinations
     names = {one.engine for one in written}
-    choices = [{key: getattr(one, key).describe().items() for key in CHOICES} for one in written]
 
-    def alike(one: Combination, described: Mapping[str, Any], settings: Settings) -> int:
+    def alike(one: Combination, settings: Settings) -> int:
         """How many settings of a combination these are; it may leave options, precision and resolution to engine and scene."""
         return (
             (one.rays is None)
@@ -114,14 +113,20 @@ def places(results: Results) -> dict[Settings, int]:
             + (one.precision in (None, settings.precision))
             + (one.resolution in (None, settings.resolution))
             + (one.division == settings.division)
-            + sum(described[key] <= getattr(settings, key).describe().items() for key in CHOICES)
+            + sum(_is_written(getattr(one, key), getattr(settings, key)) for key in CHOICES)
         )
 
     found = {}
     for contestant in results.contestants:
-        shared = [alike(one, described, contestant.settings) for one, described in zip(written, choices, strict=True)]
+        shared = [alike(one, contestant.settings) for one in written]
         found[contestant.settings] = shared.index(max(shared)) if shared else 0
     return found
+
+
+def _is_written(written: Choice, choice: Choice) -> bool:
+    """Whether a choice has the name and the options of the written one. Those of its options that are written nowhere do not
+    matter; those that descriptions leave out do."""
+    return written.name == choice.name and written.options.items() <= choice.options.items()
 
 
 def is_named(written: str, engine: str, names: Iterable[str]) -> bool:

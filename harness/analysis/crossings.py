@@ -58,14 +58,14 @@ def crossings(points: Frame, cells: Frame, targets: Mapping[float, float]) -> Fr
 
 def _with_sure_bounds(found: Frame) -> Frame:
     """Times that the reference's noise may have moved are known less well: by three of its standard errors, for times go as the
-    inverse of the error at the most."""
+    inverse of the error at the most. Without an error that stands above its noise nothing is known."""
     found = found.astype({"own": bool, "noise": float})
     clear = (found.noise <= 1 / CLEAR_ERRORS) | ~found.own
     reliable = clear.groupby([found[key] for key in (*CONTESTANT_KEYS, "measure")]).transform("all").astype(bool)
     noise = found.noise.to_numpy(float)
-    room = np.where(reliable, 1.0, np.where(noise < math.inf, np.maximum(1 - NOISE_ERRORS * noise, 0.0), 0.0))
-    high = np.where(room > 0, found.high / np.where(room > 0, room, 1.0), math.inf)
-    return found.assign(sure_low=found.low * room, sure_high=high)
+    share = np.where(reliable, 0.0, np.where(noise < math.inf, NOISE_ERRORS * noise, math.inf))
+    low = found.low * np.maximum(1 - share, 0.0)
+    return found.assign(sure_low=low, sure_high=np.where(share < 1, found.high * (1 + share), math.inf))
 
 
 def logs(times: Frame, count: int, low: str = "low", high: str = "high") -> tuple[Logs, Logs]:

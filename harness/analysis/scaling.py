@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from harness.analysis import axes
 from harness.analysis.model import Analysis, seconds_per_sample
-from harness.statistics import Estimate, geometric_interval, mean_interval
+from harness.statistics import Estimate, amdahl_fit, geometric_interval, mean_interval
 from harness.store.records import Cell
 from harness.store.results import Contestant, Results, phase_seconds
 
@@ -113,3 +114,16 @@ def thread_families(results: Results) -> list[list[Contestant]]:
     """Measured contestants that differ in threads alone, two or more, by rising thread count."""
     families = axes.families(filter(seconds_per_sample, results.contestants), "threads")
     return [sorted(family, key=lambda c: c.settings.threads) for family in families if len(family) > 1]
+
+
+def serial_fraction_of(results: Results, family: Sequence[Contestant]) -> Estimate:
+    """Amdahl's serial fraction of a family of `thread_families`, from thread counts up to the usable cores of its machine:
+    more threads wait for each other, which the law does not describe."""
+    cores = _usable_cores(results, family[0].settings.machine)
+    return amdahl_fit({c.settings.threads: seconds_per_sample(c) for c in family if c.settings.threads <= cores})
+
+
+def _usable_cores(results: Results, machine: str) -> float:
+    """Infinite where the results do not say it. `machine` is the beginning of the id of an environment."""
+    known = (e.preimage.get("usable_cores") for name, e in results.environments.items() if name.startswith(machine))
+    return next((cores for cores in known if isinstance(cores, int)), math.inf)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -33,14 +33,14 @@ def convert(
     """Convert a scene to Mitsuba's or pbrt's format, or one of Mitsuba's, or a mesh, to raybench's."""
     from engines.errors import ConfigError
     from engines.peers.export import export
-    from engines.scene import load_scene
     from harness.config import paths
 
     suffix = output.suffix.lower()
     if suffix in FORMATS:
         file = paths.find("scenes", scene)
-        _keep(file, output / f"{file.stem}{suffix}" if output.is_dir() else output)
-        held = load_scene(file, allow_imports, allow_outside, parameters_of(define))
+        written = output / f"{file.stem}{suffix}" if output.is_dir() else output
+        targets = written, written.with_name(f"{written.stem}_files")
+        held = _loaded(file, targets, allow_imports, allow_outside, define)
         typer.echo(f"written: {export(held, FORMATS[suffix], output, max_depth, spp)}")
     elif output.name in ("scene.yaml", "scene.yml"):
         _write_scene(scene, output.parent, define, allow_imports, allow_outside)
@@ -52,22 +52,34 @@ def convert(
 
 def _write_scene(scene: str, output: Path, define: list[str] | None, allow_imports: bool, allow_outside: bool) -> None:
     """Writes a raybench scene into a folder."""
-    from engines.scene import load_scene, save_scene
+    from engines.scene import save_scene
     from harness.config import paths
     from harness.console import consoles
 
     file = paths.find("scenes", scene)
-    _keep(file, output / "scene.yaml", output / "meshes" / file.name)
-    held = load_scene(file, allow_imports, allow_outside, parameters_of(define))
+    targets = output / "scene.yaml", output / "meshes", output / "textures"
+    held = _loaded(file, targets, allow_imports, allow_outside, define)
     for warning in held.warnings:
         consoles()[1].print(f"warning: {file}: {warning}", style="yellow", markup=False, soft_wrap=True)
     typer.echo(f"written: {save_scene(held, output)}")
 
 
-def _keep(file: Path, *written: Path) -> None:
-    """Refuses to write over the scene that is read."""
+def _loaded(file: Path, targets: tuple[Path, ...], imports: bool, outside: bool, define: list[str] | None) -> Any:
+    """The scene. Refuses to write over what it reads."""
+    from engines.input_files import files_opened
+    from engines.scene import load_scene
+
+    _keep([file], targets)
+    with files_opened() as opened:
+        held = load_scene(file, imports, outside, parameters_of(define))
+    _keep(opened, targets)
+    return held
+
+
+def _keep(files: list[Path], targets: tuple[Path, ...]) -> None:
+    """Refuses targets, files and folders, that are or hold some of the files."""
     from engines.errors import ConfigError
 
-    for path in written:
-        if path.resolve() == file.resolve():
-            raise ConfigError(f"-o {path}: is the scene to convert: another file or folder is expected")
+    for file in files:
+        if target := next((target for target in targets if file.resolve().is_relative_to(target.resolve())), None):
+            raise ConfigError(f"-o {target}: the scene to convert reads {file}: another file or folder is expected")

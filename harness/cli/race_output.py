@@ -17,6 +17,7 @@ from harness.metrics import as_error
 from harness.plan.cells import Cell, Plan
 from harness.report import answer_text
 from harness.report.plots.panels import panels
+from harness.report.tables.by_axis import why_blank
 from harness.report.tables.model import estimate_text, number_text
 from harness.report.winners import standing
 from harness.run.progress import Terminal
@@ -129,7 +130,7 @@ def print_answer(console: Console, analysis: Analysis) -> None:
                     f"{row.reached}/{repeats[row.contestant]}",
                     estimate_text(estimate_of(row, "seconds")) if row.reached else "",
                     ratio,
-                    escape(row.baseline) if ratio else "",
+                    escape(row.baseline) if ratio else escape(why_blank(row).partition(":")[0]),
                     row.verdict,
                 )
                 table.add_row(*cells, style="bold" if row.possible_winner else None)

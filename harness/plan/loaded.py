@@ -28,9 +28,9 @@ class Loaded:
         self.engines: dict[str, Engine] = {}
         reference = experiment.reference
         certify = None if reference.certify == AUTOMATIC else reference.certify
-        only = [name for name in names if len(names) == 1 and makes_references(name)]
-        self.reference_engines = (reference.engine,) if reference.engine else (REFERENCE_ENGINE, *only)
-        for name in filter(None, [*names, *((*self.reference_engines, certify) if experiment.renders else ())]):
+        self.reference_engine = reference.engine or REFERENCE_ENGINE
+        self.in_its_place = [] if reference.engine else [name for name in names if makes_references(name)]
+        for name in filter(None, [*names, *((self.reference_engine, certify) if experiment.renders else ())]):
             require_imports(name, allow_imports)
             require_commands(name, allow_commands)
             answers.accelerators(self.engines.setdefault(name, engine_of(name)))  # raises: it cannot list them

@@ -15,7 +15,7 @@ from harness.config.settings import SceneFile
 from harness.measure.machine import usable_cores
 from harness.metrics import as_error
 from harness.plan import answers, certifiers
-from harness.plan.cells import Cell
+from harness.plan.cells import Cell, flow
 from harness.plan.loaded import Loaded
 from harness.plan.references import Certifier, PlannedReference
 from harness.settings import CellSettings
@@ -29,20 +29,42 @@ DEFAULT_SPP = 8192
 def reference_of(
     experiment: Experiment, file: SceneFile, scene: Scene, settings: CellSettings, known: Loaded
 ) -> tuple[PlannedReference | None, str | None]:
-    """The reference of a scene, shader and size; or why no engine that may can make it."""
-    reasons: dict[str, str] = {}
-    for name in dict.fromkeys(known.reference_engines):
-        planned, why_not = _reference_by(name, experiment, file, scene, settings, known)
-        if planned is not None:
-            return planned, None
-        reasons[name] = f"no reference by {name}: {why_not}"
-    return None, "; ".join(reasons.values())
+    """The reference of a scene, shader and size; or why no engine that may can make it. Where the default engine cannot, the
+    only one of the experiment that can does."""
+    name = known.reference_engine
+    planned, why_not = _reference_by(name, experiment, file, scene, settings, known)
+    if planned is None:
+        reasons = [f"no reference by {name}: {why_not}"]
+        able: list[PlannedReference] = []
+        for other in known.in_its_place:
+            why_not = _may_not_replace(other, experiment, known)
+            found, why_not = (None, why_not) if why_not else _reference_by(other, experiment, file, scene, settings, known)
+            if found is not None:
+                able.append(found)
+            elif other != name:
+                reasons.append(f"no reference by {other}: {why_not}")
+        if len(able) != 1:
+            several = " and ".join(each.spec["engine"] for each in able)
+            return None, "; ".join([*reasons, *[f"{several} can make it: reference.engine must name one"] * bool(able)])
+        (planned,) = able
+    return replace(planned, certifier=_certifier(experiment, scene, planned, known)), None
+
+
+def _may_not_replace(name: str, experiment: Experiment, known: Loaded) -> str | None:
+    """Why an engine that the config does not name for references makes none, whatever the scene."""
+    engine, given = known.engines[name], experiment.reference
+    if not answers.resolves(engine, given.accelerator):
+        return f"it has no accelerator {flow(given.accelerator)}"
+    if given.certify in known.engines and lineage_of(known.engines[given.certify]) == lineage_of(engine):
+        return f"it is of the lineage of {given.certify}, which certifies"
+    return None
 
 
 def _reference_by(
     name: str, experiment: Experiment, file: SceneFile, scene: Scene, settings: CellSettings, known: Loaded
 ) -> tuple[PlannedReference | None, str | None]:
-    """The reference by an engine; or why it cannot make it. A sampler that no config names may be independent numbers, too."""
+    """The reference by an engine, not yet certified; or why it cannot make it. A sampler that no config names may be
+    independent numbers, too."""
     given = experiment.reference
     engine = known.engines[name]
     settings = replace(
@@ -78,15 +100,9 @@ def _reference_by(
         **{key: value for key, value in plain.items() if key != "threads"},
     }
     spec["code"] = {"engine": known.code(name), **plugin_codes(plain)}
-    planned = PlannedReference(
-        file,
-        scene.identity,
-        spec,
-        replace(settings, threads=given.threads or len(usable_cores())),
-        lineage_of(engine),
-        margins=experiment.equivalence.margins,
-    )
-    return replace(planned, certifier=_certifier(experiment, scene, planned, known)), None
+    settings = replace(settings, threads=given.threads or len(usable_cores()))
+    margins = experiment.equivalence.margins
+    return PlannedReference(file, scene.identity, spec, settings, lineage_of(engine), margins=margins), None
 
 
 def _until(experiment: Experiment) -> dict[str, Any] | None:

@@ -229,6 +229,9 @@ def repeats_to_separate(row: Any, family: int, same_within: float) -> float:
     return math.ceil(row.blocks * max(1.0, (half**2 - persistent**2) / (needed**2 - persistent**2)))
 
 
+NOISY_REFERENCE = "the reference is too noisy: it needs more time, reference.max_time, or samples, reference.spp"
+
+
 def _repeats(rows: Sequence[Any], family: int, analysis: Analysis) -> str:
     """` (some 12 repeats would separate them)`."""
     if max(row.blocks for row in rows) < FEWEST_BLOCKS:
@@ -236,6 +239,9 @@ def _repeats(rows: Sequence[Any], family: int, analysis: Analysis) -> str:
     if not any(analysis.spreads[row.scene, row.contestant].twins for row in rows):
         return f" ({WITHOUT_TWINS})"
     judged = [row for row in rows if row.blocks >= FEWEST_BLOCKS]
+    clear = {(row.scene, row.contestant, row.measure): row.reliable for row in analysis.by_target.itertuples()}
+    if not all(clear.get((row.scene, name, row.measure), True) for row in judged for name in (row.contestant, row.baseline)):
+        return f" ({NOISY_REFERENCE})"
     found = [repeats_to_separate(row, family, analysis.results.config.same_within) for row in judged]
     known = sorted(number for number in found if not math.isnan(number))
     if not known:

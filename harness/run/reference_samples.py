@@ -11,7 +11,7 @@ from harness.metrics import Reference, as_error, metric_title
 from harness.plan.references import PlannedReference
 from harness.run.progress import duration
 from harness.run.references import is_final, pilot_in
-from harness.statistics.reference_noise import SAMPLES_KNOWN, samples_needed
+from harness.statistics.reference_noise import SAMPLES_KNOWN, TAILS, samples_needed
 from harness.store.reference_files import META, film_in, meta_of
 
 SAME = ("width", "height", "shader", "sampler")
@@ -84,7 +84,7 @@ def _time(planned: PlannedReference, root: Path, needed: int) -> str:
         meta = meta_of(planned.folder(root))
     except ConfigError:
         return f"in at most about {duration(planned.max_seconds)}"
-    seconds = meta.seconds * max(needed, planned.spp) / (meta.done * meta.spec.replicate_spp)
+    seconds = meta.seconds * max(TAILS * needed, planned.spp) / (meta.done * meta.spec.replicate_spp)
     return f"about {duration(min(planned.max_seconds, seconds))} in all"
 
 

@@ -38,7 +38,7 @@ from harness.measure.requests import ReferenceRequest
 from harness.metrics import Reference as ReferenceImage
 from harness.plan.references import PlannedReference
 from harness.settings import CellSettings
-from harness.statistics.reference_noise import samples_needed
+from harness.statistics.reference_noise import TAILS, samples_needed
 from harness.store import atomic, locks
 from harness.store.records import Reference, ReferenceMeta, ReferenceSpec
 from harness.store.reference_files import EXR, META, checksum, film_in, meta_of, refuse_stale, write_meta
@@ -129,7 +129,7 @@ def _for_the_target(planned: PlannedReference, film: Film) -> int:
     """The replicates that the target of a spec with `until` asks for, by the noise of those that are there."""
     assert planned.until is not None
     needed = samples_needed(pilot_in(film, planned.spec["replicate_spp"]), planned.until["target"], planned.until["epsilon"])
-    return min(-(-needed // planned.spec["replicate_spp"]), MOST_REPLICATES)
+    return min(-(-TAILS * needed // planned.spec["replicate_spp"]), MOST_REPLICATES)
 
 
 def _affordable(planned: PlannedReference, done: int, seconds: float) -> int:

@@ -76,6 +76,12 @@ class PersistentSpread(NamedTuple):
         """One standard deviation as a share: 0.03 for 3 %; NaN without twins."""
         return math.expm1(math.sqrt(self.variance))
 
+    @property
+    def freedom(self) -> float:
+        """Degrees of freedom of a positive `variance` V (Satterthwaite 1946). Of its own variance, (V + noise)^2 / m, only what
+        V adds to that of noise alone counts: at V = 0 the blocks decide."""
+        return self.twins * self.variance / (self.variance + 2 * self.noise)
+
 
 UNKNOWN_SPREAD = PersistentSpread(math.nan, 0, math.nan)
 NO_SPREAD = PersistentSpread(0.0, 0, 0.0)
@@ -122,12 +128,11 @@ class _Pairs(NamedTuple):
 
     def spread_by(self, spread: PersistentSpread) -> _Pairs:
         """With the variance of the spread added to that of the blocks, and the degrees of freedom of the sum (Satterthwaite
-        1946); as they are where the spread is unknown. Of the spread's own variance, (V + noise)^2 / m, only what V adds to
-        that of noise alone counts: at V = 0 the blocks decide."""
-        if math.isnan(spread.variance):
+        1946); as they are where the spread is unknown or 0."""
+        if not spread.variance > 0:
             return self
         total = self.error**2 + spread.variance
-        uncertain = spread.variance * (spread.variance + 2 * spread.noise) / max(spread.twins, 1)
+        uncertain = spread.variance**2 / spread.freedom
         return self._replace(error=np.sqrt(total), freedom=total**2 / (self.error**4 / self.freedom + uncertain))
 
 
@@ -187,14 +192,18 @@ def twin_pairs(
 
 def _pairs(low: Array, high: Array, ranked: Mask, clock: Array | float, pools: Rows) -> _Pairs:
     """Variance of a pair: (2 D s^2 + (n - 1) s_ij^2) / (D + n - 1), s^2 being the residual mean square of contestant + block
-    in their pool; D is 0 between pools."""
+    in their pool; D is 0 between pools. Of two known bounds the middle counts: how wide they are is no scatter of blocks."""
     present = ~np.isnan(low)
     both = present[:, None] & present[None, :]
     blocks = both.sum(axis=2)
     differences = np.where(both, low[:, None] - high[None, :], 0.0)
     excess = differences.sum(axis=2) / np.maximum(blocks, 1)
-    centre = np.where(np.isfinite(excess), excess, 0.0)[..., None]
-    squares = (np.where(both & np.isfinite(differences), differences - centre, 0.0) ** 2).sum(axis=2)
+    known = np.isfinite(low) & np.isfinite(high)
+    middle = np.where(known, (low + np.where(known, high, 0.0)) / 2, 0.0)
+    scattered = np.where(known[:, None] & known[None, :], middle[:, None] - middle[None, :], differences)
+    counted = both & np.isfinite(scattered)
+    centre = np.where(counted, scattered, 0.0).sum(axis=2) / np.maximum(counted.sum(axis=2), 1)
+    squares = (np.where(counted, scattered - centre[..., None], 0.0) ** 2).sum(axis=2)
     pooled, weight = np.zeros(blocks.shape), np.zeros(blocks.shape)
     for pool in np.unique(pools):
         own = np.flatnonzero(pools == pool)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.special import stdtr, stdtrit  # Student's distribution; scipy.stats takes a second to import
 
 from harness.statistics.intervals import LEVEL
-from harness.statistics.ratios import ALPHA, FEWEST_BLOCKS, LEAST_ERROR, MARGIN, holm
+from harness.statistics.ratios import ALPHA, FEWEST_BLOCKS, LEAST_ERROR, MARGIN, PersistentSpread, holm
 
 FEWEST_SESSIONS = 3
 """Sessions a side below which the drift between them is not separated from a change."""
@@ -68,23 +68,31 @@ def change_of_times(before: Sequence[Sequence[float]], after: Sequence[Sequence[
     return _change(float(means[1].mean() - means[0].mean()), shares, counts, tested)
 
 
-def change_of_pairs(sessions: Sequence[Sequence[tuple[float, float]]]) -> Change:
-    """Of positive values (before, after) that were measured in one block of one session, by session. Pairs with a value that is
-    not positive and finite are left out, and so are empty sessions.
+def change_of_pairs(sessions: Sequence[Sequence[tuple[float, float]]], spreads: Sequence[PersistentSpread]) -> Change:
+    """Of positive values (before, after) that were measured in one block of one session, by session, each of a machine with
+    the persistent spread of `spreads`. Pairs with a value that is not positive and finite are left out, and so are empty
+    sessions.
 
-    What stays the same in a session cancels. Blocks are the replicates below `FEWEST_SESSIONS`, else the sessions.
+    What stays the same in a session cancels. The sessions are the replicates; below `FEWEST_SESSIONS` the blocks are, and the
+    persistent spread adds its variance, whole: the layout of a build's memory may be the same in each session.
     """
     good = [[pair for pair in session if all(value > 0 and math.isfinite(value) for value in pair)] for session in sessions]
-    logs = [np.log([after / before for before, after in session]) for session in good if session]
-    counts = len(logs), len(logs)
-    if not logs:
+    found = [
+        (np.log([after / before for before, after in session]), spread)
+        for session, spread in zip(good, spreads, strict=True)
+        if session
+    ]
+    counts = len(found), len(found)
+    if not found:
         return Change(math.nan, math.nan, math.nan, counts, False)
-    means = np.array([each.mean() for each in logs])
-    if len(logs) >= FEWEST_SESSIONS:
-        shares, tested = [(float(means.var(ddof=1)) / means.size, means.size - 1)], True
-    else:
-        shares, tested = [_within(each, len(logs)) for each in logs], min(each.size for each in logs) >= FEWEST_BLOCKS
-    return _change(float(means.mean()), shares, counts, tested)
+    means = np.array([logs.mean() for logs, _ in found])
+    mean = float(means.mean())
+    if len(found) >= FEWEST_SESSIONS:
+        return _change(mean, [(float(means.var(ddof=1)) / means.size, means.size - 1)], counts, True)
+    tested = all(logs.size >= FEWEST_BLOCKS and not math.isnan(spread.variance) for logs, spread in found)
+    blocks = _change(mean, [_within(logs, len(found)) for logs, _ in found], counts, tested)
+    spreads = [(spread.variance / len(found), spread.freedom) for _, spread in found if spread.variance > 0]
+    return _change(mean, [(blocks.error**2, blocks.freedom), *spreads], counts, tested) if spreads else blocks
 
 
 def change_of_errors(before: Mapping[int, float], after: Mapping[int, float], sessions: tuple[int, int]) -> Change:
@@ -125,7 +133,7 @@ def _logs(values: Sequence[float]) -> NDArray[np.float64]:
     return np.log([value for value in values if value > 0 and math.isfinite(value)])
 
 
-def _within(logs: NDArray[np.float64], sessions: int) -> tuple[float, int]:
+def _within(logs: NDArray[np.float64], sessions: int) -> tuple[float, float]:
     """The variance that a session's blocks leave in the mean of so many sessions, and its degrees of freedom."""
     if logs.size < 2:
         return math.nan, 1
@@ -133,7 +141,7 @@ def _within(logs: NDArray[np.float64], sessions: int) -> tuple[float, int]:
 
 
 def _change(
-    mean: float, shares: Sequence[tuple[float, int]], sessions: tuple[int, int], tested: bool, least: float = LEAST_ERROR
+    mean: float, shares: Sequence[tuple[float, float]], sessions: tuple[int, int], tested: bool, least: float = LEAST_ERROR
 ) -> Change:
     """With the degrees of freedom of a sum of variances (Welch 1947, Satterthwaite 1946)."""
     variance = sum(share for share, _ in shares)

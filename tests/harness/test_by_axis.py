@@ -67,6 +67,16 @@ def test_an_option_of_a_choice_is_an_axis(tmp_path):
     assert set(analysis.by_axis.axis) == {"light_sampler"}
 
 
+def test_a_value_that_descriptions_leave_out_is_the_first_where_the_config_writes_it_first(tmp_path):
+    """uniform, the default of `light_sampler`, which a result of the default does not name."""
+    lights = [{"name": "path_tracer", "max_depth": 6, "light_sampler": name} for name in ("uniform", "bvh", "power")]
+    config = {"include": [{"scene": "cornell_box", "engine": "numba", "shader": shader} for shader in lights]}
+    made = by_light("bvh", 0.02), by_light("power", 0.01), by_light("uniform", 0.04)
+    analysis = analyse(results(tmp_path, *made, config=config))
+    assert {key[:2] for key in along(analysis, "light_sampler")} == {("bvh", "uniform"), ("power", "uniform")}
+    assert set(analysis.comparisons.baseline) - {""} == {"numba"}
+
+
 def test_an_image_is_not_compared_with_that_of_another_option_of_the_same_engine(tmp_path):
     analysis = analyse(results(tmp_path, by_light("bvh", 0.02), by_light("power", 0.01)))
     assert [verdict.image_baseline for verdict in analysis.verdicts if not verdict.contestant.settings.label] == [None, None]
@@ -162,6 +172,19 @@ def test_a_sentence_tells_each_scene_and_what_is_not_separated(tmp_path):
 def test_a_sentence_says_that_twins_are_missing_where_a_clear_ratio_is_not_decided(tmp_path):
     (line,) = lines(analyse(results(tmp_path, contestant(0.01), contestant(0.001, sampler="sobol"))), "sampler")
     assert "not separated on" in line and "without A/A twins" in line
+
+
+def test_a_sentence_says_that_the_reference_is_too_noisy_instead_of_asking_for_repeats(tmp_path):
+    def noisy(cell):
+        for point in cell["points"]:
+            point["metrics"]["relmse_e0.01_se"] = 0.25 * point["metrics"]["relmse_e0.01"]
+
+    made = twins(0.01, noise=0.001), contestant(0.012, sampler="sobol", noise=0.001)
+    (line,) = lines(analyse(results(tmp_path, *made)), "sampler")
+    assert "not separated" not in line
+    made = twins(0.01, noise=0.001), contestant(0.012, sampler="sobol", noise=0.001, change=noisy)
+    (line,) = lines(analyse(results(tmp_path, *made)), "sampler")
+    assert "not separated" in line and "the reference is too noisy" in line and "repeats" not in line
 
 
 def test_a_sentence_says_who_did_not_get_there(tmp_path):

@@ -2,6 +2,7 @@
 
 import json
 import math
+from itertools import product
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ import pytest
 from engines.errors import ConfigError
 from harness.report.tables import history, markdown_text, regressions
 from harness.report.tables.history import beginning
-from harness.statistics import change_of_pairs
+from harness.statistics import PersistentSpread, change_of_pairs
 from harness.store.results import load_results
 from tests.harness.sweeping import raybench
 from tests.harness.synthetic import manifest, write_folder
@@ -31,7 +32,8 @@ def measured(tmp_path_factory):
 
 
 def session(folder, measured, day, revision, factor=1.0, drift=0.0, builds=None):
-    """A results folder; `builds` are factors of seconds by engine, of several builds that are measured in the same blocks."""
+    """A results folder; `builds` are factors of seconds by engine, of several builds that are measured in the same blocks, each
+    with two twins."""
     folder.mkdir(parents=True)
     rng = np.random.default_rng(day)
     by_day = rng.lognormal(0, drift)
@@ -40,11 +42,12 @@ def session(folder, measured, day, revision, factor=1.0, drift=0.0, builds=None)
         if event["event"] != "cell":
             lines.append(event)
             continue
-        for engine, slower in (builds or {"embree": factor}).items():
+        labels = [None] if builds is None else [None, "A/A", "A/A 2"]
+        for (engine, slower), label in product((builds or {"embree": factor}).items(), labels):
             noise = by_day * slower * rng.lognormal(0, 0.01)
             points = [{**point, "seconds": point["seconds"] * noise} for point in event["points"]]
-            changed = {"points": points, "engine": engine, "time": f"2026-11-{day:02d}T03:00:00Z"}
-            lines.append({**event, **changed, "cell_id": f"{event['cell_id']}-{len(engine)}{engine[-2]}"})
+            changed = {"points": points, "engine": engine, "label": label, "time": f"2026-11-{day:02d}T03:00:00Z"}
+            lines.append({**event, **changed, "cell_id": f"{event['cell_id']}-{len(engine)}{engine[-2]}{len(label or '')}"})
     (folder / "events.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
     made = manifest()
     (folder / "manifest.json").write_text(json.dumps({**made, "config": {**made["config"], "revision": revision}}))
@@ -149,11 +152,21 @@ def test_builds_are_followed_by_the_whole_words_that_their_names_share(builds, n
 def test_pairs_are_tested_by_blocks_of_few_sessions_and_by_sessions_of_many():
     rng = np.random.default_rng(3)
     few, many = ([[(1.0, 1.2 * rng.lognormal(0, 0.01)) for _ in range(5)] for _ in range(count)] for count in (1, 4))
-    assert change_of_pairs(few).tested and change_of_pairs(few).freedom == 4
-    assert change_of_pairs(many).tested and change_of_pairs(many).freedom == 3
-    assert not change_of_pairs([few[0][:2]]).tested
-    assert change_of_pairs(many).mean == pytest.approx(np.log(1.2), abs=0.02)
-    assert np.isnan(change_of_pairs([[(1.0, np.inf)]]).mean)
+    none, unknown = PersistentSpread(0.0, 4, 1e-4), PersistentSpread(math.nan, 0, math.nan)
+    assert change_of_pairs(few, [none]).tested and change_of_pairs(few, [none]).freedom == 4
+    assert change_of_pairs(many, [unknown] * 4).tested and change_of_pairs(many, [unknown] * 4).freedom == 3
+    assert not change_of_pairs([few[0][:2]], [none]).tested and not change_of_pairs(few, [unknown]).tested
+    assert change_of_pairs(many, [none] * 4).mean == pytest.approx(np.log(1.2), abs=0.02)
+    assert np.isnan(change_of_pairs([[(1.0, np.inf)]], [none]).mean)
+
+
+def test_the_persistent_spread_of_a_machine_counts_in_pairs_of_few_sessions():
+    rng = np.random.default_rng(4)
+    sessions = [[(1.0, rng.lognormal(0, 0.01)) for _ in range(5)] for _ in range(2)]
+    alone = change_of_pairs(sessions, [PersistentSpread(0.0, 4, 1e-4)] * 2)
+    spread = change_of_pairs(sessions, [PersistentSpread(0.03**2, 4, 1e-4)] * 2)
+    assert spread.error**2 == pytest.approx(alone.error**2 + 0.03**2)
+    assert spread.mean == alone.mean and spread.freedom < 2 * 4
 
 
 def test_the_command_writes_table_and_plot_and_ends_with_one_on_a_regression(measured, tmp_path):

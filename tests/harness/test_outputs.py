@@ -89,8 +89,19 @@ def test_convert_does_not_write_over_the_scene_that_it_reads(scene, output, plac
     (place / "link").symlink_to(place)
     for name in ("scene.yaml", "a.xml", "meshes/m.ply"):
         (place / name).write_text("mine")
-    assert "is the scene to convert: another file or folder is expected" in refusal(f"convert {scene}", output)
+    assert f"the scene to convert reads {scene}: another file or folder is expected" in refusal(f"convert {scene}", output)
     assert (place / scene).read_text() == "mine"
+
+
+def test_convert_does_not_write_over_the_meshes_that_the_scene_reads(place):
+    (place / "meshes").mkdir()
+    (place / "meshes" / "m.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    (place / "room.yaml").write_text(
+        "raybench_scene: 1\ncamera: {perspective: {eye: [0, 0, 3], target: [0, 0, 0], fov: 40}}\n"
+        "materials: {m: {kd: 0.5}}\nshapes: [{mesh: meshes/m.obj, material: m}]\n"
+    )
+    assert "the scene to convert reads meshes/m.obj" in refusal("convert room.yaml", ".").replace(f"{place}/", "")
+    assert [file.name for file in (place / "meshes").iterdir()] == ["m.obj"]
 
 
 @pytest.mark.parametrize("suffix", [".JPG", ".jpeg", ".PNG", ".bmp", ".tif", ".webp"])

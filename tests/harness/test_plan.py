@@ -378,6 +378,21 @@ def test_the_only_engine_makes_references_after_numba_where_it_may(engine, able,
     }
 
 
+@pytest.mark.parametrize(
+    ("engines", "by", "why_not"),
+    [
+        (["fake_engines:Steady", "fake_engines:Picky"], "fake_engines:Steady", None),
+        (["fake_engines:Steady", "numpy"], None, "fake_engines:Steady and numpy can make it: reference.engine must name one"),
+    ],
+)
+def test_of_several_engines_the_only_one_that_can_makes_references_after_numba(engines, by, why_not, tmp_path, monkeypatch):
+    monkeypatch.setattr(loaded, "REFERENCE_ENGINE", "fake_engines:Picky")
+    made = planned(tmp_path, overrides=["reference.engine=null", f"matrix.engine=[{', '.join(engines)}]"])
+    assert {wanted.spec["engine"] for wanted in made.references.values()} == ({by} if by else set())
+    assert any(cell.skip is None for cell in made.cells) == (why_not is None)
+    assert why_not is None or all(cell.skip.endswith(why_not) for cell in made.cells)
+
+
 def test_a_mitsuba_file_is_read_with_parameters_and_outside_of_its_folder_where_that_is_allowed(tmp_path):
     """Two values of a parameter are two scenes; the command and the request of a cell repeat what was given."""
     (tmp_path / "in").mkdir()

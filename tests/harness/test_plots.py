@@ -120,6 +120,37 @@ def test_looks_differ_by_more_than_colour(analysis):
     assert len({(str(look.line), look.marker, look.width) for look in same_engine.values()}) == len(same_engine)
 
 
+def of_one_engine(folder, *changes):
+    """The palette and the contestants of cells that differ in what is changed; a cell of another engine has failed."""
+    rng, case = np.random.default_rng(1), ("cornell_box", "numba", "bvh", "random", 1, None)
+    cells = [{**done_cell(folder, case, 0, 1.0, SMALL, rng, False), **change} for change in changes]
+    cells.append({**base_cell(("cornell_box", "embree", "embree", "random", 1, None), 0, SMALL), "state": "failed"})
+    results = arranged(folder, [{**cell, "cell_id": f"cell{index}"} for index, cell in enumerate(cells)])
+    return Palette(results), [contestant for contestant in results.contestants if contestant.done]
+
+
+def test_contestants_of_one_engine_differ_by_colour_and_marker_where_their_shaders_do(tmp_path):
+    shaders = [{"name": "path_tracer", "max_depth": 6, "direct": direct} for direct in ("mis", "bsdf", "light")]
+    palette, contestants = of_one_engine(tmp_path, *({"shader": shader, "raced": shaders[0]} for shader in shaders))
+    looks = [palette.look(contestant) for contestant in contestants]
+    assert len({look.colour for look in looks}) == len({look.marker for look in looks}) == 3
+    names = [f"path_tracer(direct={direct})" for direct in ("bsdf", "light", "mis")]
+    assert [entry.label for entry in palette.key(contestants)] == [name for name, _ in palette.colours(contestants)] == names
+
+
+def test_contestants_of_one_engine_differ_by_colour_and_line_where_their_samplers_do(tmp_path):
+    palette, contestants = of_one_engine(tmp_path, {"sampler": {"name": "random"}}, {"sampler": {"name": "sobol"}})
+    looks = [palette.look(contestant) for contestant in contestants]
+    assert len({look.colour for look in looks}) == len({look.line for look in looks}) == 2
+    assert [entry.label for entry in palette.key(contestants)] == ["random", "sobol"]
+
+
+def test_an_engine_keeps_its_colour_where_shaders_are_not_in_one_race(tmp_path):
+    """Each has a reference of its own."""
+    palette, contestants = of_one_engine(tmp_path, {}, {"shader": {"name": "albedo"}, "reference_id": "another"})
+    assert {palette.look(contestant).colour for contestant in contestants} == {ENGINE_COLOURS["numba"]}
+
+
 def test_the_band_holds_the_median_of_the_seeds(analysis):
     verdict = analysis.verdicts[0]
     data = band(analysis.results, verdict, "seconds")

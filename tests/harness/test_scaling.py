@@ -5,8 +5,9 @@ import pytest
 
 from harness.analysis import analyse
 from harness.analysis.frames import ResultFrames
-from harness.analysis.scaling import exponent, passes
+from harness.analysis.scaling import exponent, passes, serial_fraction_of, thread_families
 from harness.report.tables import all_tables
+from tests.harness.synthetic import SMALL, arranged, done_cell
 from tests.harness.test_races import SPP, contestant, results
 
 
@@ -40,6 +41,19 @@ def test_a_drift_of_the_machine_from_block_to_block_does_not_move_it():
 def test_blocks_that_lack_a_size_are_left_out():
     seconds = {10: {0: 1.0, 1: 1.0}, 100: {0: 10.0, 1: 10.0}, 1000: {1: 100.0}}
     assert exponent(seconds, sorted(seconds)).n == 1
+
+
+@pytest.mark.parametrize(("known", "share"), [({"usable_cores": 2}, 0.0), ({}, 3 / 13)])
+def test_a_serial_fraction_is_fitted_up_to_the_usable_cores(known, share, tmp_path):
+    """Of a program that two threads run in half the time, and four no sooner than two."""
+    case, rng = ("cornell_box", "numba", "bvh", "random"), np.random.default_rng(1)
+    cells = [done_cell(tmp_path, (*case, threads, None), 0, 1.0, SMALL, rng, False) for threads in (1, 2, 4)]
+    for cell, seconds in zip(cells, (1.0, 0.5, 0.5), strict=True):
+        cell["points"] = [{**point, "seconds": point["spp"] * seconds} for point in cell["points"]]
+    environment = {"event": "environment", "env_id": "env0", "preimage": known}
+    found = arranged(tmp_path, [environment, *cells])
+    (family,) = thread_families(found)
+    assert serial_fraction_of(found, family).value == pytest.approx(share)
 
 
 def separately(cell):

@@ -278,6 +278,15 @@ def test_a_block_without_a_bound_prevents_a_verdict():
     assert race(*bounds([(0.0, 2.0)] * 7, [(1.0, 1.0)] * 7), [(1, 0)], NO_SPREAD).ratios[0].verdict == "unresolved"
 
 
+def test_bounds_of_one_block_move_the_mean_and_are_no_scatter_of_blocks():
+    logs = times(np.random.default_rng(12), 2, 7, 0.02)
+    wide = np.zeros_like(logs)
+    wide[1, 3] = 1.4  # a factor of 4 to either side
+    plain, found = (race(logs - half, logs + half, [(1, 0)], NO_SPREAD).ratios[0] for half in (np.zeros_like(logs), wide))
+    assert math.log(found.low) == pytest.approx(math.log(plain.low) - 1.4 / 7)
+    assert math.log(found.high) == pytest.approx(math.log(plain.high) + 1.4 / 7)
+
+
 def test_what_nobody_reached_nobody_wins():
     found = race(*bounds([(1.0, math.inf)] * 5, [(9.0, math.inf)] * 5), [(1, 0)], NO_SPREAD)
     assert not found.possible_winner.any() and math.isnan(found.ratios[0].ratio)

@@ -24,7 +24,7 @@ from harness.metrics import error_words, metric_title
 from harness.report.html.axes import axis_tables
 from harness.report.html.glossary import TERMS, anchor
 from harness.report.html.noise import noise_panels
-from harness.report.html.overview import JudgedReference, engine_key, matrix
+from harness.report.html.overview import JudgedReference, colour_key, matrix
 from harness.report.html.pictures import picture_groups
 from harness.report.plots import Picture, Plot
 from harness.report.plots.catalogue import OF_A_PANEL
@@ -91,7 +91,7 @@ def report_html(
             question=results.config.question or QUESTIONS[renders],
             renders=renders,
             matrix=matrix(analysis, found, references),
-            engine_key=engine_key(analysis),
+            colour_key=colour_key(analysis),
             verdicts=headlines(analysis),
             sentences=sentences(analysis),
             most_answers=MOST_LINES,

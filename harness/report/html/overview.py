@@ -89,11 +89,9 @@ def matrix(analysis: Analysis, calibration: Calibration, references: Sequence[Ju
     return found
 
 
-def engine_key(analysis: Analysis) -> list[tuple[str, str]]:
-    """(engine, colour) of those that have a curve."""
-    palette = Palette(analysis.results)
-    names = dict.fromkeys(verdict.contestant.settings.engine for verdict in analysis.verdicts)
-    return [(name, palette.colour(name)) for name in names]
+def colour_key(analysis: Analysis) -> list[tuple[str, str]]:
+    """What the colours of curves mean, and the colours."""
+    return Palette(analysis.results).colours([verdict.contestant for verdict in analysis.verdicts])
 
 
 def reference_of(panel: Panel, references: Sequence[JudgedReference]) -> JudgedReference | None:

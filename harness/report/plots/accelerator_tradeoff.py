@@ -7,7 +7,7 @@ import numpy as np
 from harness.analysis import Analysis
 from harness.analysis.accelerator_tradeoff import build, families
 from harness.analysis.scaling import microseconds_a_path
-from harness.report.plots.chart import Axis, Chart, Series, Subplot, interval
+from harness.report.plots.chart import FAINT, Axis, Chart, Look, Series, Subplot, interval
 from harness.report.plots.style import MOST_CURVES, Palette, small_multiples
 from harness.store.results import Contestant
 
@@ -41,7 +41,8 @@ def _family(family: list[Contestant], palette: Palette) -> list[Series]:
     paths = [microseconds_a_path(contestant) for contestant in family]
     y, ends = np.array([path.value for path in paths]), interval(paths)
     first = palette.look(family[0])
-    line = Series(builds[:, 0], y, first._replace(marker="", width=first.width / 2), opacity=0.6, behind=True)
+    colour = FAINT if palette.coloured == "accelerator" else first.colour
+    line = Series(builds[:, 0], y, Look(colour, first.line, width=first.width / 2), opacity=0.6, behind=True)
     points = [
         Series(
             builds[at, 0],

@@ -10,14 +10,14 @@ import numpy as np
 
 from harness.analysis import Analysis, seconds_per_sample
 from harness.analysis.columns import estimate_of
-from harness.analysis.scaling import thread_families
+from harness.analysis.scaling import serial_fraction_of, thread_families
 from harness.report.plots.chart import FAINT, GRID, INK, Axis, Bars, Chart, Entry, Look, Note, Series, Subplot, interval
 from harness.report.plots.panels import Panel
 from harness.report.plots.style import MOST_CURVES, Palette, small_multiples
 from harness.report.tables.model import reached_text
-from harness.statistics import amdahl_fit, parallel_speedups
+from harness.statistics import parallel_speedups
 from harness.statistics.ratios import FEWEST_BLOCKS
-from harness.store.results import PHASES, Contestant
+from harness.store.results import PHASES, Contestant, Results
 
 PHASE_COLOURS = {"import": "#999999", "load": "#f0e442", "build": "#e69f00", "compile": "#cc79a7", "render": "#0072b2"}
 PHASE_HATCHES = {"import": "|||", "load": "xxx", "build": "///", "compile": "\\\\\\", "render": ""}
@@ -69,10 +69,9 @@ def _quality_rows(analysis: Analysis, panel: Panel, target: float, palette: Pale
     timed = [(place, contestant, row) for place, contestant, row in every if math.isfinite(row.seconds)]
     joins = np.array([(x, place) for place, _, row in timed for x in (row.seconds, row.cold_seconds, math.nan)]).reshape(-1, 2)
     found = [Series(joins[:, 0], joins[:, 1], Look(GRID, width=3), behind=True)]
-    for engine in dict.fromkeys(verdict.contestant.settings.engine for verdict in panel.verdicts):
-        own = [each for each in timed if each[1].settings.engine == engine]
-        looks = [Look(palette.colour(engine), "none", "o", filled) for filled in (False, True)] if own else []
-        found += [_dots(analysis, own, target, look) for look in looks]
+    for colour in dict.fromkeys(palette.look(contestant).colour for _, contestant, _ in timed):
+        own = [each for each in timed if palette.look(each[1]).colour == colour]
+        found += [_dots(analysis, own, target, Look(colour, "none", "o", filled)) for filled in (False, True)]
     return found
 
 
@@ -123,10 +122,12 @@ def phase_bars(panel: Panel) -> Chart:
 def thread_speedups(analysis: Analysis, palette: Palette) -> Chart | None:
     """Speed-up over threads with intervals, the ideal, and Amdahl's law as fitted; a subplot a scene."""
     families = thread_families(analysis.results)
-    scenes = list(dict.fromkeys(family[0].settings.scene for family in families))
-    if not scenes:
+    if not families:
         return None
-    most = max(sum(family[0].settings.scene == scene for family in families) for scene in scenes)
+    scenes: dict[str, list[list[Contestant]]] = {}
+    for family in families:
+        scenes.setdefault(family[0].settings.scene, []).append(family)
+    most = max(map(len, scenes.values()))
     many = most > MOST_CURVES
     height = 3.0 + (0.5 if many else 0.11 * most)
     counts = np.array(sorted({contestant.settings.threads for family in families for contestant in family}), float)
@@ -136,20 +137,20 @@ def thread_speedups(analysis: Analysis, palette: Palette) -> Chart | None:
         Subplot(
             x,
             Axis("speed-up", "linear"),
-            [ideal, *(_speedup_curve(family, palette) for family in families if family[0].settings.scene == scene)],
+            [ideal, *(_speedup_curve(analysis.results, family, palette) for family in of_scene)],
             scene,
         )
-        for scene in scenes
+        for scene, of_scene in scenes.items()
     ]
     if many:
         return small_multiples(subplots, 3.4, height, legend="below", key=palette.key([family[0] for family in families]))
     return small_multiples(subplots, 3.4, height, legend="each")
 
 
-def _speedup_curve(family: list[Contestant], palette: Palette) -> Series:
+def _speedup_curve(results: Results, family: list[Contestant], palette: Palette) -> Series:
     seconds = {contestant.settings.threads: seconds_per_sample(contestant) for contestant in family}
     rows = parallel_speedups(seconds)
-    fit = amdahl_fit(seconds)
+    fit = serial_fraction_of(results, family)
     name = family[0].name.replace(f" {family[0].settings.threads} thread", "").removesuffix("s")
     serial = "" if math.isnan(fit.value) else f" (serial {100 * fit.value:.1f} %)"
     threads, values = [row.threads for row in rows], [row.speedup.value for row in rows]

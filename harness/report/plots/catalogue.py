@@ -59,7 +59,7 @@ def _of_all_scenes(analysis: Analysis, palette: Palette) -> list[Described]:
             "speed-up-over-threads",
             "Speed-up over threads",
             "Speed-up over the fewest threads, with 95 % intervals. Dotted: the ideal. The serial fraction is that of "
-            "Amdahl's law.",
+            "Amdahl's law, fitted up to the usable cores.",
             thread_speedups(analysis, palette),
         ),
         (

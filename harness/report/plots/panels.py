@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from engines.choices import Choice
 from harness.analysis import Analysis, Verdict
 from harness.analysis.model import Group, ranked_together
 from harness.metrics import Reference
 from harness.report.plots.style import MOST_CURVES, file_stem
-from harness.store.results import Results, setting_text
+from harness.store.results import Results, brief_choice
 
-FACET_AXES = ("engine", "sampler", "accelerator", "threads", "precision")
+FACET_AXES = ("engine", "sampler", "accelerator", "threads", "precision", "shader")
 
 
 @dataclass
@@ -78,7 +79,7 @@ def facets(verdicts: list[Verdict]) -> list[Facet]:
         if 2 <= len(values) <= 6:
             return [
                 Facet(
-                    f"{axis} {setting_text(axis, value)}",
+                    f"{axis} {brief_choice(value, values) if isinstance(value, Choice) else value}",
                     [v for v in verdicts if getattr(v.contestant.settings, axis) == value],
                 )
                 for value in values

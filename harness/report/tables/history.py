@@ -19,24 +19,36 @@ from harness.analysis.calibration import plural
 from harness.analysis.columns import Column, Table
 from harness.analysis.model import FLAGS, OF_THE_TIME, PER_SAMPLE
 from harness.report.tables.changes import TIMES, UNTESTED_THRESHOLD, cautions, matching, sessions_differ
-from harness.statistics import Change, Estimate, change_of_pairs, change_of_times, geometric_interval, judge_changes
+from harness.statistics import (
+    UNKNOWN_SPREAD,
+    Change,
+    Estimate,
+    PersistentSpread,
+    change_of_pairs,
+    change_of_times,
+    geometric_interval,
+    judge_changes,
+)
 from harness.statistics.intervals import NOTHING, exp
 from harness.store.records import Settings
 from harness.store.results import Results
 
-WITHOUT_TWINS = "what differs between two equal builds in all blocks alike is not known there, and a step may be that."
+WITHOUT_TWINS = (
+    "what differs between two equal builds in all blocks alike is not known there, and one or two such sessions test no step."
+)
 SHORT = 10
 """Characters of a commit in tables and plots."""
 
 
 class Measured(NamedTuple):
-    """A contestant of one session: seconds to a target by block, infinite where it was not reached, and flags of its images.
-    `failure` says why no run came to its end, and is empty where one did."""
+    """A contestant of one session: seconds to a target by block, infinite where it was not reached, flags of its images, and
+    the persistent spread of the machine. `failure` says why no run came to its end, and is empty where one did."""
 
     session: int
     seconds: Mapping[int, float]
     flags: frozenset[str]
     failure: str
+    spread: PersistentSpread
 
 
 class Line(NamedTuple):
@@ -146,7 +158,8 @@ def _read(session: int, analysis: Analysis, lines: dict[Line, dict[str, list[Mea
             found = rows.get((contestant.settings.scene, contestant.name, target))
             seconds = {} if found is None else {row.block: _seconds(row) for row in found.itertuples()}
             seconds = {cell.block: math.inf for cell in contestant.runs} | seconds  # where a cell failed
-            measured = Measured(session, seconds, flags.get(contestant, frozenset()), failure)
+            spread = analysis.spreads.get((contestant.settings.scene, contestant.name), UNKNOWN_SPREAD)
+            measured = Measured(session, seconds, flags.get(contestant, frozenset()), failure, spread)
             lines.setdefault(Line(key, target), {}).setdefault(revision, []).append(measured)
 
 
@@ -192,13 +205,13 @@ def _steps(line: Line, found: Mapping[str, list[Measured]], order: Sequence[str]
             continue
         old, new = found[before], found[after]
         shared = {each.session: each.seconds for each in old}
+        both = [each for each in new if each.session in shared]
         pairs = [
             [(shared[each.session][block], seconds) for block, seconds in each.seconds.items() if block in shared[each.session]]
-            for each in new
-            if each.session in shared
+            for each in both
         ]
         sides = ([list(each.seconds.values()) for each in side] for side in (old, new))
-        change = change_of_pairs(pairs) if pairs else change_of_times(*sides)
+        change = change_of_pairs(pairs, [each.spread for each in both]) if pairs else change_of_times(*sides)
         flags = [frozenset().union(*(each.flags for each in side)) for side in (old, new)]
         reached = _reaches(old), _reaches(new)
         steps.append(Step(line, before, after, change, reached, flags[1] - flags[0], _failure(new)))
@@ -271,8 +284,9 @@ def _table(
             Column(
                 "verdict",
                 "faster, slower, same or unresolved, with a family-wise error rate of 5 % (Holm) over the table: tested by "
-                "block where a session holds both revisions, else between sessions, three or more of each. slower or drift, "
-                "faster or drift: beyond the threshold, but not tested. Else: failed, no longer reached, reached now, flagged.",
+                "block where a session with A/A twins holds both revisions, else between sessions, three or more of each. "
+                "slower or drift, faster or drift: beyond the threshold, but not tested. Else: failed, no longer reached, "
+                "reached now, flagged.",
             ),
             Column("regression", f"Whether it is longer by more than {limit}, failed, no longer reached, or flagged.", "flag"),
         ],

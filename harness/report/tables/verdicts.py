@@ -8,7 +8,7 @@ from harness.analysis import Analysis, frames, measurements, seconds_per_sample
 from harness.analysis.columns import Column, Table, rows_of
 from harness.analysis.measurements import CONTESTANT, IDENTITY, SCENE
 from harness.analysis.model import FLAGS
-from harness.analysis.scaling import thread_families
+from harness.analysis.scaling import serial_fraction_of, thread_families
 from harness.metrics import error_words, metric_title
 from harness.report.tables.accelerators import accelerators
 from harness.report.tables.by_axis import by_axis, say_why, why_blank
@@ -18,7 +18,7 @@ from harness.report.tables.evidence import evidence, share_text
 from harness.report.tables.model import reached_text
 from harness.report.tables.rays import rays
 from harness.report.tables.scaling import scaling
-from harness.statistics import Estimate, amdahl_fit, parallel_speedups
+from harness.statistics import Estimate, parallel_speedups
 from harness.store.results import PHASES
 
 SPEEDUP = {f"ratio{end}": f"speedup{end}" for end in ("", "_low", "_high")}
@@ -218,7 +218,8 @@ def threads(analysis: Analysis) -> Table:
     table = Table(
         "threads",
         "Speed-up over threads",
-        "Warm seconds per sample, paired by block; serial fraction from Amdahl's law, one fit per block. 95 % intervals.",
+        "Warm seconds per sample, paired by block. The serial fraction is Amdahl's, one fit a block, over thread counts up to "
+        "the usable cores. 95 % intervals.",
         [
             SCENE,
             CONTESTANT,
@@ -230,7 +231,7 @@ def threads(analysis: Analysis) -> Table:
     )
     for family in thread_families(analysis.results):
         seconds = {contestant.settings.threads: seconds_per_sample(contestant) for contestant in family}
-        fit = amdahl_fit(seconds)
+        fit = serial_fraction_of(analysis.results, family)
         for row, contestant in zip(parallel_speedups(seconds), family, strict=True):
             table.rows.append(
                 {
