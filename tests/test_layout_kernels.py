@@ -17,10 +17,10 @@ FLOORS: dict[str, set[str]] = {
     "layout": {"compile.jit", "compile.masks", "compile.records", "compile.vec3", "integrators", "lane", "rows"},
     "lane": {*COMPILED, "compile.vec3", "features"},
     "integrators": {*COMPILED, "compile.vec3", "lane"},
-    "flatten": {*COMPILED, "compile.records", "features", "lane", "layout"},
+    "flatten": {*COMPILED, "compile.records", "features", "lane", "layout", "rows"},
     "stages": {
         *(*COMPILED, "compile.masks", "compile.records", "compile.row_loads", "compile.simd"),
-        *("features", "flatten", "integrators", "lane", "layout"),
+        *("features", "flatten", "integrators", "lane", "layout", "rows"),
     },
     "guide_records": COMPILED,
     "driver": {*COMPILED, "compile.masks", "guide_records", "lane", "layout"},
@@ -29,7 +29,7 @@ FLOORS: dict[str, set[str]] = {
         *("compile.jit", "compile.second_process", "driver", "features", "flatten", "guide_records", "layout", "queries"),
         *("resolve", "stages"),
     },
-    "resolve": {"flatten", "layout"},
+    "resolve": {"flatten", "layout", "rows"},
 }
 """Of each room, the rooms and modules of engines/kernels that it may import. It may also import itself."""
 

@@ -1,7 +1,9 @@
 """The loop that drives ray batches through the stages, tile by tile (`queries` does so for single rays).
 
-    regenerate -> closest -> surface -> (draw -> material -> light -> guide -> BSDFs -> mix -> shade -> occluded
-        -> add direct light), for integrators that visit every light once for each -> finish
+    regenerate -> closest -> surface -> (draw -> light -> guide -> BSDFs -> mix -> shade -> occluded -> add direct light),
+        for integrators that visit every light once for each -> finish
+
+Materials are looked up with the first draw of a vertex, before the lights.
 
 Where shadow rays cross null lobes, they have a third batch, in which closest, surface and transmit take the place of occluded.
 
@@ -24,7 +26,7 @@ from engines.kernels.compile.jit import inline, kernel
 from engines.kernels.compile.masks import EVERY_LANE, flagged_lanes, lanes_where, positive_lanes
 from engines.kernels.compile.values import bits_set, call_stage, fetch_add, highest_bit, lowest_bit, select
 from engines.kernels.guide_records import keep_records, learn
-from engines.kernels.lane.vector import Vec3
+from engines.kernels.lane.vector import BLACK, WHITE
 from engines.kernels.layout import (
     CAMERA_DIMENSIONS,
     LANES,
@@ -57,22 +59,21 @@ from_zero = lanes_where(">=", 0)
 @inline
 def make_idle(rays, lane, sample):
     """A lane without work still runs through the stages: give it a ray that is not traced. Stages look up tables
-    by sample, dimension (which follows from the depth) and light, so all of them must exist."""
+    by sample and dimension (which follows from the depth), so both must exist."""
     rays.alive[lane] = False
     rays.sample[lane] = sample
     rays.dimension[lane] = 0
     rays.path.depth[lane] = 1
-    rays.light_index[lane] = 0
     rays.done[lane] = False
     rays.t[lane] = -1.0
     rays.shadow.t_max[lane] = -1.0
 
 
 @inline
-def _add_direct_light(rays, zero, tested):
+def _add_direct_light(rays, tested):
     """Adds the light samples that nothing hides; `tested`: there were shadow rays."""
     for lane in range(np.uint64(LANES)):
-        direct = select(tested & (rays.shadow.occluded[lane] != 0), Vec3(zero, zero, zero), rays.shadow.direct[lane])
+        direct = select(tested & (rays.shadow.occluded[lane] != 0), BLACK, rays.shadow.direct[lane])
         rays.radiance[lane] = rays.radiance[lane] + direct
 
 
@@ -241,15 +242,15 @@ def _some_scatter(rays, last_depth):
 @inline
 def _cross_null_lobes(rays, stages, shadows, scene, real):
     """Multiplies the light samples by what null lobes let pass on their way; returns the rays that were traced."""
-    walk, zero, one, traced = ray_batch(shadows, real), real(0), real(1), 0
+    walk, traced = ray_batch(shadows, real), 0
     for lane in range(np.uint64(LANES)):
         walk.origin[lane] = rays.shadow.origin[lane]
         walk.direction[lane] = rays.shadow.direction[lane]
         walk.t[lane] = rays.shadow.t_max[lane]
-        walk.light_sample.distance[lane] = rays.light_sample.distance[lane]
+        walk.shadow.t_max[lane] = rays.shadow.t_max[lane]
         walk.shadow.destination[lane] = rays.shadow.destination[lane]
         walk.origin_primitive[lane] = rays.origin_primitive[lane]
-        walk.path.throughput[lane] = Vec3(one, one, one)
+        walk.shadow.transmittance[lane] = WHITE
     for _ in range(MOST_NULL_LOBES):
         lanes = positive_lanes(walk.t)
         if lanes == 0:
@@ -259,7 +260,7 @@ def _cross_null_lobes(rays, stages, shadows, scene, real):
         call_stage(stages.dark_surface, shadows, scene)
         call_stage(stages.transmit, shadows, scene)
     for lane in range(np.uint64(LANES)):
-        passed = select(walk.t[lane] > zero, Vec3(zero, zero, zero), walk.path.throughput[lane])
+        passed = select(walk.t[lane] > 0.0, BLACK, walk.shadow.transmittance[lane])
         rays.shadow.direct[lane] = rays.shadow.direct[lane] * passed
         rays.shadow.occluded[lane] = 0
     return traced
@@ -275,7 +276,7 @@ def _trace_shadow_rays(rays, stages, batch, shadows, scene, real):
         traced = bits_set(lanes)
         call_stage(stages.occluded, batch, scene)
     # where no ray is sent, light of sources that touch the surface may be left
-    _add_direct_light(rays, real(0), lanes != 0)
+    _add_direct_light(rays, lanes != 0)
     return traced
 
 
@@ -287,6 +288,8 @@ def _advance(rays, stages, bsdfs, batch, shadows, scene, plan, records, real):
     call_stage(stages.surface, batch, scene)
     scatters = plan.last_depth == 0 or _some_scatter(rays, np.int32(plan.last_depth))
     for k in range(plan.per_vertex):
+        for lane in range(np.uint64(LANES)):
+            rays.light_index[lane] = k
         if scatters:
             call_stage(stages.draw_vertex, batch, scene)
             if stages.material != 0 and k == 0:

@@ -75,10 +75,6 @@ class SceneFeatures(NamedTuple):
     guided: bool = False
     """Directions are sampled by an SD-tree as well: the integrator's `guiding`."""
 
-    def only(self, *names: str) -> SceneFeatures:
-        """The named features, and none of the others."""
-        return SceneFeatures(**{name: getattr(self, name) for name in names})
-
 
 class FeatureReader:
     """Features that note which of them are read."""

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.masks import copy_lanes
 from engines.kernels.compile.records import (
-    LANES,
+    LANES,  # noqa: F401 (stages import it from here)
     REAL,
     LaneRecord,
     Table,
@@ -124,6 +124,8 @@ class ShadowRay(NamedTuple):
     """1 or 0: loops that join flags cost more than those that select numbers."""
     direct: Vec3
     """Added to the radiance if the ray is free."""
+    transmittance: Vec3
+    """In the batch of shadow rays that cross null lobes: what has passed so far."""
 
 
 class Branch(NamedTuple):
@@ -215,9 +217,9 @@ class RayBatch(LaneRecord):
     path = record(Path)
     radiance = vector()
     cosine_pdf = real()  # of the last direction under the cosine rule
-    light_index = integer()  # of the light, for integrators that visit all
     waiting = integer()  # rays on the lane's stack
 
+    light_index = integer()  # which light's turn it is, for integrators that visit all: the same in every lane
     pixel_x = real()
     pixel_y = real()
     pixel_key = integer()  # the sampler's key of the pixel
@@ -231,6 +233,8 @@ class RayBatch(LaneRecord):
     bsdf_model = integer()  # which model, where the scene holds several
 
     # what the surface stage loads of the scene before it computes, so that loops over lanes are vector code on any machine
+    hit_row = integer()  # of the primitive, then of its shape among those of its kind, then of its light
+    formula_row = integer()  # of a shape that is no triangle
     face = record(Face)
     vertex_normal0, vertex_normal1, vertex_normal2 = vector(), vector(), vector()
     shape_parameters = doubles(SHAPE_PARAMETERS)
@@ -241,18 +245,29 @@ class RayBatch(LaneRecord):
     emitter_inverse_pmf = real()  # 1 / the probability with which it would be chosen, where that differs between lights
 
     # what the light stage loads of the light that it samples
-    light_node = integer()  # the index of the light, -1 for none; on the way there a node of the hierarchy of lights
+    chosen_light = integer()  # its index, -1 for none
+    light_node = integer()  # on the way there, in a hierarchy of lights
+    light_cell = integer()  # the part of a grid's cell that the vertex lies in
+    light_row = integer()  # the index, 0 for none
+    light_rest = doubles(1)  # what is left of the random number that chose the light
     light_kind = integer()
     light_row_kind = real()  # the same, as the row of the light has it
     light_parameters = reals(LIGHT_PARAMETERS)
     light_color = vector()
     light_two_sided = real()
     light_face = record(Face)  # of a mesh
+    light_primitive = integer()  # id of the face
     light_material = integer()
     light_inverse_pmf = real()
 
-    kept = doubles(8)  # what a stage keeps between its loops, as the next two (`emission` reads the light stage's)
-    kept_row, kept_column = integer(), integer()
+    # places on the environment's image, and the sine of the angle from its axis: of a ray that misses, and of a light sample
+    missed_place = doubles(3)
+    environment_place = doubles(3)
+    environment_row, environment_column = integer(), integer()  # the texel of the light sample
+
+    # what the stages of materials and of null lobes keep between their loops
+    program = integer()  # the first node of the hit's program, -1 for none
+    coordinates = doubles(8)  # (u, v) and the derivatives of the point, of hits that have a program
 
     light_sample = record(LightSample)  # at the surface, as the light stage leaves it
     shadow = record(ShadowRay)  # as the shade stage leaves it; `occluded` is the intersector's
@@ -420,53 +435,3 @@ def aligned(size: int) -> NDArray[np.uint8]:
     memory = np.zeros(size + 64, np.uint8)
     start = -memory.ctypes.data % 64
     return memory[start : start + size]
-
-
-__all__ = [
-    "ACCELERATOR",
-    "BSDF_PARAMETERS",
-    "CAMERA_DIMENSIONS",
-    "DIRECTION_U0",
-    "DIRECTION_U1",
-    "LANES",
-    "LIGHT",
-    "LIGHT_PARAMETERS",
-    "LOBE",
-    "MOST_NULL_LOBES",
-    "PATH_NUMBERS",
-    "POINT_U0",
-    "POINT_U1",
-    "ROULETTE",
-    "SHADER_OPTIONS",
-    "SHAPE_PARAMETERS",
-    "SLOTS",
-    "VERTEX_DIMENSIONS",
-    "VERTEX_DRAWS",
-    "AnalyticRow",
-    "CameraRow",
-    "EnvironmentRow",
-    "GuideRow",
-    "LeafRow",
-    "LightRow",
-    "LookupRow",
-    "MarginRow",
-    "MaterialRow",
-    "NodeRow",
-    "PlaneRow",
-    "PrimitiveRow",
-    "RangeRow",
-    "RayBatch",
-    "SceneTable",
-    "SphereRow",
-    "TextureRow",
-    "TriangleRow",
-    "UVRow",
-    "WaitingRay",
-    "aligned",
-    "batch_bytes",
-    "copy_paths",
-    "ray_batch",
-    "scene_table",
-    "stack_bytes",
-    "waiting_rays",
-]

@@ -121,9 +121,18 @@ def shadow_tracer(real: Any) -> Any:
         rays = ray_batch(batch, real)
         lengths, traced = np.empty(LANES), 0
         for start in range(first, last, LANES):
-            shadow = rays.shadow
             traced += _load_rays(
-                rays, shadow.origin, shadow.direction, shadow.t_max, lengths, origins, directions, t_max, center, start, last
+                rays,
+                rays.shadow.origin,
+                rays.shadow.direction,
+                rays.shadow.t_max,
+                lengths,
+                origins,
+                directions,
+                t_max,
+                center,
+                start,
+                last,
             )
             call_stage(stages[OCCLUDED], batch, scene)
             for lane in range(np.uint64(LANES)):

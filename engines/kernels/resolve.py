@@ -13,7 +13,8 @@ from engines.kernels.flatten.lights import ROWS, plugin_parameters
 from engines.kernels.flatten.materials import KINDS
 from engines.kernels.flatten.programs import WRAPPERS, leaves_in
 from engines.kernels.flatten.shapes import ANALYTIC
-from engines.kernels.layout import BSDF_PARAMETERS, LIGHT_PARAMETERS, SHADER_OPTIONS
+from engines.kernels.layout import SHADER_OPTIONS
+from engines.kernels.rows import BSDF_PARAMETERS, LIGHT_PARAMETERS
 from engines.scene import (
     Camera,
     CustomBSDF,

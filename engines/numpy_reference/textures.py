@@ -111,21 +111,22 @@ def texture_coordinates(at: HasUV) -> Array:
     return at.uv
 
 
-def color(texture: Texture, uv: Array) -> Array:
-    """(3, n) values at (u, v), (2, n), or of an attribute's values (3, n); an image of one channel gives grey."""
+def color(texture: Texture, given: Array) -> Array:
+    """(3, n) values; an image of one channel gives grey. `given`: texture coordinates (2, n), or of an attribute its values
+    (3, n)."""
     if isinstance(texture, MeshAttribute):
-        return texture.scale * uv
-    place = _placed(texture, uv)
+        return texture.scale * given
+    place = _placed(texture, given)
     if isinstance(texture, Checkerboard):
         return np.where(_first(place), *(np.array(colour)[:, None] for colour in (texture.a, texture.b)))
-    return np.broadcast_to(_image(texture, place), (3, uv.shape[1]))
+    return np.broadcast_to(_image(texture, place), (3, given.shape[1]))
 
 
-def number(texture: Texture, uv: Array) -> Array:
-    """(n,) values at (u, v), (2, n), or of an attribute's values (3, n): the luminance of RGB."""
+def number(texture: Texture, given: Array) -> Array:
+    """(n,) values: the luminance of RGB. `given` as of `color`."""
     if isinstance(texture, MeshAttribute):
-        return _luminance(color(texture, uv))
-    place = _placed(texture, uv)
+        return _luminance(color(texture, given))
+    place = _placed(texture, given)
     if isinstance(texture, Checkerboard):
         return np.where(_first(place), _luminance(np.array(texture.a)), _luminance(np.array(texture.b)))
     return _luminance(_image(texture, place))

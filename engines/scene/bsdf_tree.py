@@ -11,7 +11,7 @@ from typing import Any
 
 from engines.scene.bsdf import INNER, Bsdf, Bump, Mask, NormalMap, Wrapper, children
 from engines.scene.models import Conductor, CustomBSDF, Dielectric, Null, Principled, ThinDielectric
-from engines.scene.textures import Color, MeshAttribute, Number, Texture, largest
+from engines.scene.textures import Color, MeshAttribute, Number, Texture, UVTexture, largest
 from engines.scene.triple import BLACK
 
 
@@ -101,7 +101,7 @@ def textures(bsdf: Bsdf | None) -> Iterator[Texture]:
 
 def is_textured(bsdf: Bsdf | None) -> bool:
     """Whether any texture is in it that looks at texture coordinates; attributes of meshes do not."""
-    return any(not isinstance(texture, MeshAttribute) for texture in textures(bsdf))
+    return any(isinstance(texture, UVTexture) for texture in textures(bsdf))
 
 
 def attributes(bsdf: Bsdf | None) -> set[str]:

@@ -9,7 +9,7 @@ from typing import Any
 from engines.scene.bsdf import MODELS, Bsdf, Sides
 from engines.scene.bsdf_tree import attributes, is_opaque, uses_uvs
 from engines.scene.models import Mixture
-from engines.scene.textures import Color, MeshAttribute, Texture, largest, mean_color, textured_color
+from engines.scene.textures import Color, MeshAttribute, Texture, UVTexture, largest, mean_color, textured_color
 from engines.scene.triple import BLACK, Triple, triple
 from engines.schema.keys import Given, Key, Record
 from engines.schema.kinds import BOOLEAN, POSITIVE, one_of
@@ -62,7 +62,7 @@ class Material:
     @property
     def uses_uvs(self) -> bool:
         """Whether light depends on texture coordinates: by its emission or its BSDF (`engines.scene.bsdf_tree.uses_uvs`)."""
-        return (isinstance(self.emission, Texture) and not isinstance(self.emission, MeshAttribute)) or uses_uvs(self.bsdf)
+        return isinstance(self.emission, UVTexture) or uses_uvs(self.bsdf)
 
     @property
     def attributes(self) -> set[str]:

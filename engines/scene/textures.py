@@ -71,7 +71,9 @@ class MeshAttribute:
         return self.name.startswith(FACE)
 
 
-Texture = ImageTexture | Checkerboard | MeshAttribute
+UVTexture = ImageTexture | Checkerboard
+"""Looks at texture coordinates."""
+Texture = UVTexture | MeshAttribute
 Color = Triple | Texture
 """Where a colour is expected."""
 Number = float | Texture

@@ -91,8 +91,8 @@ def change_of_pairs(sessions: Sequence[Sequence[tuple[float, float]]], spreads: 
         return _change(mean, [(float(means.var(ddof=1)) / means.size, means.size - 1)], counts, True)
     tested = all(logs.size >= FEWEST_BLOCKS and not math.isnan(spread.variance) for logs, spread in found)
     blocks = _change(mean, [_within(logs, len(found)) for logs, _ in found], counts, tested)
-    spreads = [(spread.variance / len(found), spread.freedom) for _, spread in found if spread.variance > 0]
-    return _change(mean, [(blocks.error**2, blocks.freedom), *spreads], counts, tested) if spreads else blocks
+    persistent = [(spread.variance / len(found), spread.freedom) for _, spread in found if spread.variance > 0]
+    return _change(mean, [(blocks.error**2, blocks.freedom), *persistent], counts, tested) if persistent else blocks
 
 
 def change_of_errors(before: Mapping[int, float], after: Mapping[int, float], sessions: tuple[int, int]) -> Change:

@@ -43,6 +43,8 @@ CASES = {
     "two_spheres": Case("two_spheres", "numba", "float32"),
     "two_spheres_float64": Case("two_spheres", "numba", "float64"),
     "cornell_mesh": Case("cornell_mesh", "numba", "float32"),
+    "living_room": Case("living_room", "numba", "float32"),
+    "study": Case("study", "numba", "float32"),
     "whitted_two_spheres": Case("two_spheres", "numba", "float32", "whitted"),
     "embree_cornell_mesh": Case("cornell_mesh", "embree", "float32"),
     "embree_cornell_mesh_float64": Case("cornell_mesh", "embree", "float64"),

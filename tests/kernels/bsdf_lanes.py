@@ -14,7 +14,7 @@ from engines.kernels.flatten.materials import MODELS, leaf_features, model_of, p
 from engines.kernels.integrators.interface import SurfaceInteraction
 from engines.kernels.lane.bsdf.interface import ALL, SPECULAR_REFLECTION, SPECULAR_TRANSMISSION
 from engines.kernels.lane.vector import Vec3
-from engines.kernels.layout import BSDF_PARAMETERS
+from engines.kernels.rows import BSDF_PARAMETERS
 
 LOBES = {"all": ALL, "reflection": SPECULAR_REFLECTION, "transmission": SPECULAR_TRANSMISSION}
 

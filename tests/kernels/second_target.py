@@ -12,6 +12,7 @@ import os
 import re
 import sys
 import types as python_types
+from collections import namedtuple
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, get_type_hints
@@ -42,14 +43,17 @@ from engines.kernels.compile.vec3 import Vec3
 from engines.kernels.compile.weak_literals import NoLiteralPairs, WeakLiterals
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten import lights, materials
+from engines.kernels.flatten.shapes import ANALYTIC
 from engines.kernels.integrators import aov, path_tracer, whitted
 from engines.kernels.integrators.interface import Draws, SurfaceInteraction
 from engines.kernels.integrators.interface import Path as RayPath
+from engines.kernels.lane import camera as lane_camera
 from engines.kernels.lane import sampler, tilt
 from engines.kernels.lane.bsdf.interface import Scattering
 from engines.kernels.lane.lights import Light, LightSample
 from engines.kernels.lane.shapes import plane, sphere, triangle
-from engines.kernels.layout import BSDF_PARAMETERS, LIGHT_PARAMETERS
+from engines.kernels.lane.shapes.triangle import VertexUV
+from engines.kernels.rows import BSDF_PARAMETERS, LIGHT_PARAMETERS, SHAPE_PARAMETERS, CameraRow
 
 CAPABILITY = (8, 0)
 REAL, WORD = types.float32, types.uint32
@@ -102,6 +106,7 @@ def functions() -> dict[str, tuple[Any, tuple[Any, ...]]]:
         "sphere_distance (float64)": (sphere.sphere_distance, (wide, wide, wide, types.float64)),
         "plane_distance (float64)": (plane.plane_distance, (wide, wide, wide, wide)),
     }
+    found |= shapes(vector, wide) | cameras(wide)
     for each in (sampler.random, sampler.stratified, sampler.unscrambled, sampler.owen_scrambled, sampler.rotated):
         found[f"sampler.{each.__name__}"] = each, (WORD, WORD, WORD, WORD, WORD, types.int64)
     features = SceneFeatures(diffuse=True, mirror=True, refraction=True, tangents=True, spec_trans=True, clearcoat=True)
@@ -117,6 +122,35 @@ def functions() -> dict[str, tuple[Any, tuple[Any, ...]]]:
         if model.pdf is not None:
             found[f"light {kind}.pdf"] = model.pdf, (types.UniTuple(REAL, LIGHT_PARAMETERS), vector, REAL, REAL, REAL)
     return found
+
+
+def shapes(vector: Any, wide: Any) -> dict[str, tuple[Any, tuple[Any, ...]]]:
+    """Where rays of float32 meet shapes, and texture coordinates there."""
+    numbers, double, real = types.UniTuple(types.float64, SHAPE_PARAMETERS), types.float64, types.NumberClass(REAL)
+    uv = types.BaseTuple.from_types([double] * len(VertexUV._fields), VertexUV)
+    found: dict[str, tuple[Any, tuple[Any, ...]]] = {
+        "triangle.intersection": (triangle.intersection, (*[vector] * 8, types.boolean)),
+        "triangle.coordinates (float64)": (triangle.mesh_coordinates, (double, double, wide, wide, wide, uv, uv, uv)),
+        "sphere.intersection (float64)": (sphere.intersection, (vector, vector, wide, double, real)),
+        "sphere.coordinates (float64)": (sphere.coordinates, (wide, wide, double)),
+        "plane.intersection (float64)": (plane.intersection, (vector, vector, wide, wide, real)),
+        "plane.coordinates (float64)": (plane.coordinates, (wide, wide, wide)),
+    }
+    for shape, known in ANALYTIC.items():
+        name, lane = shape.__name__.lower(), known.lane
+        found[f"{name}.distance (float64)"] = lane.distance, (wide, wide, numbers)
+        found[f"{name}.intersection (float64)"] = lane.intersection, (vector, vector, numbers, real)
+        found[f"{name}.coordinates (float64)"] = lane.coordinates, (wide, numbers)
+    return found
+
+
+def cameras(wide: Any) -> dict[str, tuple[Any, tuple[Any, ...]]]:
+    """Rays of cameras, all in float64."""
+    row, double = namedtuple("row", CameraRow.fields), types.float64
+    camera = types.BaseTuple.from_types([wide if each.kind == "vector" else double for each in CameraRow.fields.values()], row)
+    plain = lane_camera.perspective, lane_camera.orthographic, lane_camera.perspective_arctan
+    found = {f"camera.{each.__name__} (float64)": (each, (camera, double, double)) for each in plain}
+    return found | {"camera.thin_lens (float64)": (lane_camera.thin_lens, (camera, *[double] * 4))}
 
 
 def _of(word: str, code: list[str]) -> int:

@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 from engines.kernels.flatten import lights, materials
+from engines.kernels.flatten.shapes import ANALYTIC
 from tests.needs import needs
 
 
@@ -16,6 +17,11 @@ def test_lane_functions_and_integrators_compile_for_a_gpu_and_have_no_float64_of
     assert {name.split(".")[0] for name in found} >= {
         "path_tracer",
         "whitted",
+        "camera",
+        *(shape.__name__.lower() for shape in ANALYTIC),
+        "sphere",
+        "plane",
+        "triangle",
         *(f"bsdf {kind}" for kind in range(materials.NULL + 1)),
         *(f"light {kind}" for kind in range(lights.CYLINDER + 1) if kind != lights.IMAGE_ENVIRONMENT),
     }

@@ -5,11 +5,13 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
+import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
 from engines.kernels.compile.fields import LANES, word_of
+from engines.kernels.compile.jit import inline
 from engines.kernels.compile.lanes import LaneField
 from engines.kernels.compile.memory import WORD, tag_access
 
@@ -36,6 +38,18 @@ def _field_value(context: Any, builder: Any, field: Any, base: Any) -> Any:
 
 def _word(builder: Any, mask: Any) -> Any:
     return builder.zext(builder.bitcast(mask, _BITS), WORD)
+
+
+@inline
+def lane_bit(lane, condition):
+    """The word of one lane, empty unless the condition holds."""
+    return np.int64(1 if condition else 0) << np.int64(lane)
+
+
+@inline
+def has_lane(lanes, lane):
+    """Whether the lane is in the word."""
+    return (lanes >> np.int64(lane)) & 1 != 0
 
 
 @intrinsic

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.kernels.layout import EnvironmentRow
+from engines.kernels.rows import EnvironmentRow
 from engines.scene import EnvironmentLight
 
 IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))

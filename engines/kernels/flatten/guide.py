@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from engines.kernels.flatten.scene import FlatScene
-from engines.kernels.layout import GuideRow, SceneTable
+from engines.kernels.layout import SceneTable
+from engines.kernels.rows import GuideRow
 from engines.sd_tree import SDTree
 
 

@@ -15,7 +15,7 @@ from engines.kernels.flatten import shapes
 from engines.kernels.flatten.plugins import kind_of, light_sample
 from engines.kernels.flatten.programs import plain_emission
 from engines.kernels.lane import lights as lane_lights
-from engines.kernels.layout import LightRow
+from engines.kernels.rows import LightRow
 from engines.scene import (
     CustomLight,
     Cylinder,

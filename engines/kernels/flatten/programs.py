@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from engines.kernels.flatten import palettes
 from engines.kernels.flatten.lookups import Lookup, Table
 from engines.kernels.flatten.materials import leaf_features, model_of, parameters_of, transmittance_of
-from engines.kernels.layout import LeafRow, LookupRow, MaterialRow, NodeRow, TextureRow
+from engines.kernels.rows import LeafRow, LookupRow, MaterialRow, NodeRow, TextureRow
 from engines.scene import (
     Blend,
     Bump,

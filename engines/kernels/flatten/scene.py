@@ -14,7 +14,8 @@ from engines.kernels.flatten import environment
 from engines.kernels.flatten.lights import MESH, LightList
 from engines.kernels.flatten.programs import Programs
 from engines.kernels.flatten.shapes import Geometry, collapse_degenerate
-from engines.kernels.layout import SLOTS, LeafRow, LightRow, LookupRow, PrimitiveRow, SceneTable
+from engines.kernels.layout import SLOTS, SceneTable
+from engines.kernels.rows import LeafRow, LightRow, LookupRow, PrimitiveRow
 from engines.scene import Mesh, Scene
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from engines.kernels.compile.jit import kernel
 from engines.kernels.lane.shapes import cylinder, disk
-from engines.kernels.layout import SHAPE_PARAMETERS, UVRow
+from engines.kernels.rows import SHAPE_PARAMETERS, UVRow
 from engines.scene import Cylinder, Disk, Mesh, MeshAttribute, Plane, Sphere, SphereSet, Triangle
 
 TRIANGLE, SPHERE, PLANE, DISK, CYLINDER = range(5)

@@ -14,7 +14,8 @@ from engines.kernels.compile.values import const
 from engines.kernels.integrators.interface import Path
 from engines.kernels.lane import camera as lane_camera
 from engines.kernels.lane.vector import Vec3, dot, to_real, unit
-from engines.kernels.layout import CAMERA_DIMENSIONS, LANES, CameraRow, ray_batch, scene_table
+from engines.kernels.layout import CAMERA_DIMENSIONS, LANES, ray_batch, scene_table
+from engines.kernels.rows import CameraRow
 from engines.scene import CustomCamera, Orthographic, Perspective, PerspectiveArctan, ThinLens
 from engines.scene.support import option_numbers
 
@@ -138,7 +139,6 @@ def _make(ray: Any, normalised: bool, clipped: bool, real: Any) -> Any:
             rays.cosine_pdf[lane] = zero
             rays.alive[lane] = True
             rays.origin_primitive[lane] = -1
-            rays.light_index[lane] = 0
             rays.waiting[lane] = 0
             rays.dimension[lane] = CAMERA_DIMENSIONS
 

@@ -100,9 +100,9 @@ def make_light_samples(features: SceneFeatures, real: Any) -> Any:
             li, kind, primitive = rays.light_sample.radiance[lane], rays.light_kind[lane], np.int64(-1)
             if rays.alive[lane] and not rays.hit.miss[lane] and li.x > zero:
                 if kind == MESH:
-                    primitive = np.int64(rays.kept_row[lane])
+                    primitive = np.int64(rays.light_primitive[lane])
                 elif kind in (SPHERE, DISK, CYLINDER):
-                    primitive = np.int64(scene.light_primitives[rays.kept_column[lane]])
+                    primitive = np.int64(scene.light_primitives[rays.chosen_light[lane]])
             if primitive >= 0:
                 sample = rays.light_sample[lane]
                 p = to_float64(rays.hit.point[lane]) + to_float64(sample.wi) * np.float64(sample.distance)

@@ -14,7 +14,7 @@ import numpy as np
 
 from engines.kernels.compile.dispatch import dispatch
 from engines.kernels.compile.jit import compile_stage, inline
-from engines.kernels.compile.masks import lanes_where
+from engines.kernels.compile.masks import has_lane, lane_bit, lanes_where
 from engines.kernels.compile.records import lane_numbers
 from engines.kernels.compile.values import select
 from engines.kernels.features import SceneFeatures, per_features
@@ -183,7 +183,7 @@ def scattering_lanes(rays, max_depth):
     lanes = np.int64(0)
     for lane in range(np.uint64(LANES)):
         scatters = rays.alive[lane] & (not rays.hit.miss[lane]) & (np.int64(rays.path.depth[lane]) < max_depth)
-        lanes |= np.int64(1 if scatters else 0) << np.int64(lane)
+        lanes |= lane_bit(lane, scatters)
     return lanes
 
 
@@ -201,7 +201,7 @@ def _make_choose(features: SceneFeatures, real: Any) -> Any:
         find_leaves(rays, scene, box)
         for lane in range(np.uint64(LANES)):
             kind = np.int64(rays.bsdf_model[lane]) if several else np.int64(single)
-            guided = (lanes >> np.int64(lane)) & 1 != 0
+            guided = has_lane(lanes, lane)
             guided = guided & (fraction < one) & (not only_delta(kind, False, lane_numbers(rays.bsdf, lane)))
             if masks:
                 guided = guided & (not rays.wrapped.passing[lane])
@@ -232,7 +232,7 @@ def _make_mix(masks: bool, lit: bool, real: Any) -> Any:
         lanes = scattering_lanes(rays, np.int64(scene.options[MAX_DEPTH]))
         if lit:
             for lane in range(np.uint64(LANES)):
-                asked = ((lanes >> np.int64(lane)) & 1 != 0) & (rays.guide.bsdf_share[lane] < one)
+                asked = has_lane(lanes, lane) & (rays.guide.bsdf_share[lane] < one)
                 asked = asked & (rays.scatter.value.scale[lane] > zero)
                 x, y = _place_of(rays.light_sample.wi[lane])
                 rays.guide.x[lane], rays.guide.y[lane] = clamped(x), clamped(y)
@@ -244,7 +244,7 @@ def _make_mix(masks: bool, lit: bool, real: Any) -> Any:
                 rays.scatter.pdf[lane] = share * rays.scatter.pdf[lane] + by_tree
         for lane in range(np.uint64(LANES)):
             sample = rays.scatter.sample[lane]
-            asked = ((lanes >> np.int64(lane)) & 1 != 0) & sample.valid & (sample.pdf <= huge)
+            asked = has_lane(lanes, lane) & sample.valid & (sample.pdf <= huge)
             x, y = _place_of(sample.wi)
             rays.guide.x[lane], rays.guide.y[lane] = clamped(x), clamped(y)
             rays.guide.node[lane] = select(asked, np.int32(rays.guide.leaf[lane]), np.int32(-1))
@@ -266,7 +266,7 @@ def _make_mix(masks: bool, lit: bool, real: Any) -> Any:
             weight, depth = sample.weight.color * scale, np.int32(rays.path.depth[lane])
             side = dot(rays.hit.geometric_normal[lane], sample.wi)
             leaves = select(sample.transmitted, -side, side) > zero
-            kept = ((lanes >> np.int64(lane)) & 1 != 0) & sample.valid & leaves & (not specular)
+            kept = has_lane(lanes, lane) & sample.valid & leaves & (not specular)
             kept = kept & (mixed > zero) & (largest(weight) > zero) & (depth <= np.int32(MOST_RECORDS))
             rays.recorded.vertex[lane] = select(kept, depth - np.int32(1), np.int32(-1))
             rays.recorded.throughput[lane] = rays.path.throughput[lane]

@@ -15,17 +15,8 @@ from engines.kernels.compile.values import keep_scalar, select
 from engines.kernels.features import SceneFeatures, per_features
 from engines.kernels.flatten import lights, materials
 from engines.kernels.flatten.shapes import PLANE, SPHERE, TRIANGLE
-from engines.kernels.layout import (
-    LANES,
-    AnalyticRow,
-    LightRow,
-    MaterialRow,
-    PlaneRow,
-    PrimitiveRow,
-    RayBatch,
-    SphereRow,
-    TriangleRow,
-)
+from engines.kernels.layout import LANES, RayBatch
+from engines.kernels.rows import AnalyticRow, LightRow, MaterialRow, PlaneRow, PrimitiveRow, SphereRow, TriangleRow
 from engines.kernels.stages import light_cells, light_hierarchy
 
 
@@ -108,7 +99,7 @@ def _material_columns(features: SceneFeatures) -> tuple[tuple[int, ...], tuple[i
 def _make_load_formula(row: type[Row], real: Any) -> Any:
     """The function (rays, address of such rows, lanes) that copies the numbers of a shape with a formula."""
     first, numbers = lane_number("shape_parameters"), np.dtype(np.float64).itemsize // np.dtype(real).itemsize
-    return make_load_rows("kept_column", row, tuple(range(row.size)), tuple(first + numbers * k for k in range(row.size)))
+    return make_load_rows("formula_row", row, tuple(range(row.size)), tuple(first + numbers * k for k in range(row.size)))
 
 
 _of_triangles, _of_spheres, _of_planes = (lanes_where("==", kind) for kind in (TRIANGLE, SPHERE, PLANE))
@@ -132,7 +123,7 @@ def make_prefetch(features: SceneFeatures, real: Any) -> Any:
         for lane in range(np.uint64(LANES)):
             keep_scalar()
             index = max(np.int64(rays.primitive[lane]), 0)
-            rays.kept_row[lane] = index
+            rays.hit_row[lane] = index
             prefetch(address_of(scene.primitives[index]))
             if not mixed:
                 prefetch(address_of(scene.triangles[index]))
@@ -141,9 +132,9 @@ def make_prefetch(features: SceneFeatures, real: Any) -> Any:
     def triangles(rays, scene):
         for lane in range(np.uint64(LANES)):
             keep_scalar()
-            row = scene.primitives[np.int64(rays.kept_row[lane])]
+            row = scene.primitives[np.int64(rays.hit_row[lane])]
             index = select(row.shape == TRIANGLE, np.int64(row.index), np.int64(0))
-            rays.kept_row[lane] = index
+            rays.hit_row[lane] = index
             prefetch(address_of(scene.triangles[index]))
 
     @inline
@@ -161,7 +152,7 @@ def make_prefetch(features: SceneFeatures, real: Any) -> Any:
             triangles(rays, scene)
         for lane in range(np.uint64(LANES)):
             keep_scalar()
-            row = scene.triangles[np.int64(rays.kept_row[lane])]
+            row = scene.triangles[np.int64(rays.hit_row[lane])]
             vertex(scene, row.a)
             vertex(scene, row.b)
             vertex(scene, row.c)
@@ -213,21 +204,21 @@ def _make_load_shapes(features: SceneFeatures, real: Any) -> Any:
     def load(rays, scene, kinds):
         if triangles and kinds.triangles != 0:
             for lane in range(np.uint64(LANES)):
-                rays.face.corner0[lane] = select(rays.hit.shape[lane] == TRIANGLE, rays.kept_row[lane], np.int32(0))
+                rays.face.corner0[lane] = select(rays.hit.shape[lane] == TRIANGLE, rays.hit_row[lane], np.int32(0))
             _load_face(rays, scene)
             if smooth:
                 _load_normals(rays, scene)
         if spheres and kinds.spheres != 0:
             for lane in range(np.uint64(LANES)):
-                rays.kept_column[lane] = select(rays.hit.shape[lane] == SPHERE, rays.kept_row[lane], np.int32(0))
+                rays.formula_row[lane] = select(rays.hit.shape[lane] == SPHERE, rays.hit_row[lane], np.int32(0))
             load_sphere(rays, address_of(scene.spheres), kinds.spheres)
         if planes and kinds.planes != 0:
             for lane in range(np.uint64(LANES)):
-                rays.kept_column[lane] = select(rays.hit.shape[lane] == PLANE, rays.kept_row[lane], np.int32(0))
+                rays.formula_row[lane] = select(rays.hit.shape[lane] == PLANE, rays.hit_row[lane], np.int32(0))
             load_plane(rays, address_of(scene.planes), kinds.planes)
         if analytic and kinds.analytic != 0:
             for lane in range(np.uint64(LANES)):
-                rays.kept_column[lane] = select(rays.hit.shape[lane] > PLANE, rays.kept_row[lane], np.int32(0))
+                rays.formula_row[lane] = select(rays.hit.shape[lane] > PLANE, rays.hit_row[lane], np.int32(0))
             load_analytic(rays, address_of(scene.analytic), kinds.analytic)
 
     return load
@@ -270,11 +261,11 @@ def _make_load_primitives(features: SceneFeatures) -> Any:
     """The function (rays, scene) that copies kind, index, material and light of each lane's primitive, whose id is kept. Where
     there are triangles alone, their indices are their ids: one cache miss less."""
     several = features.spheres or features.planes or len(features.analytic) > 0
-    wanted = [("shape", "hit.shape"), ("index", "kept_row")] if several else []
+    wanted = [("shape", "hit.shape"), ("index", "hit_row")] if several else []
     if features.bsdfs or features.emission:
         wanted += [("material", "material"), ("light", "emitter")]
     columns = tuple(PrimitiveRow.fields[column].first for column, _ in wanted)
-    load_rows = make_load_rows("kept_row", PrimitiveRow, columns, tuple(lane_number(name) for _, name in wanted))
+    load_rows = make_load_rows("hit_row", PrimitiveRow, columns, tuple(lane_number(name) for _, name in wanted))
 
     @inline
     def load(rays, scene):
@@ -288,7 +279,7 @@ def _keep_ids(rays):
     """Keeps the id of each lane's primitive, 0 where there is none; returns the lanes that have one."""
     for lane in range(np.uint64(LANES)):
         primitive = rays.primitive[lane]
-        rays.kept_row[lane] = select(primitive < 0, np.int32(0), primitive)
+        rays.hit_row[lane] = select(primitive < 0, np.int32(0), primitive)
         rays.hit.shape[lane] = TRIANGLE
     return _not_negative(rays.primitive)
 
@@ -300,7 +291,7 @@ def _make_load_lights(features: SceneFeatures, real: Any) -> Any:
     weighted, inverse_pmf = chooses_by_weight(features), _make_inverse_pmf(features, real)
     first, own = LightRow.fields["parameters"].first, lane_number("emitter_parameters")
     columns = tuple(range(first, first + parameters))
-    load_rows = make_load_rows("kept_row", LightRow, columns, tuple(range(own, own + parameters)))
+    load_rows = make_load_rows("hit_row", LightRow, columns, tuple(range(own, own + parameters)))
 
     @inline
     def load(rays, scene, hits):
@@ -312,7 +303,7 @@ def _make_load_lights(features: SceneFeatures, real: Any) -> Any:
                 rays.emitter_inverse_pmf[lane] = inverse_pmf(rays, lane, scene, rays.emitter[lane])
         for lane in range(np.uint64(LANES)):
             light = rays.emitter[lane]
-            rays.kept_row[lane] = select(light < 0, np.int32(0), light)
+            rays.hit_row[lane] = select(light < 0, np.int32(0), light)
         load_rows(rays, address_of(scene.lights), EVERY_LANE)
 
     return load

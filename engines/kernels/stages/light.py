@@ -9,7 +9,7 @@ import numpy as np
 
 from engines.kernels.compile.dispatch import dispatch
 from engines.kernels.compile.jit import compile_stage, inline
-from engines.kernels.compile.masks import EVERY_LANE, lanes_where
+from engines.kernels.compile.masks import EVERY_LANE, has_lane, lane_bit, lanes_where
 from engines.kernels.compile.records import address_of, lane_numbers, prefetch
 from engines.kernels.compile.values import keep_scalar, lowest_bit, select
 from engines.kernels.features import SceneFeatures
@@ -17,7 +17,8 @@ from engines.kernels.flatten.lights import IMAGE_ENVIRONMENT, MESH, MODELS
 from engines.kernels.integrators.path_tracer import LIGHT_CANDIDATES
 from engines.kernels.lane.lights import Light, LightSample
 from engines.kernels.lane.vector import Vec3, to_real
-from engines.kernels.layout import LANES, LIGHT, POINT_U0, POINT_U1, LightRow, MaterialRow, PrimitiveRow, ray_batch, scene_table
+from engines.kernels.layout import LANES, LIGHT, POINT_U0, POINT_U1, ray_batch, scene_table
+from engines.kernels.rows import LightRow, MaterialRow, PrimitiveRow
 from engines.kernels.stages import emission, environment, light_cells, light_hierarchy, resampling
 from engines.kernels.stages.hit_loads import lane_number, make_load_face, make_load_rows
 
@@ -55,7 +56,7 @@ def _make_choose(selection: Selection) -> Any:
             chosen, rest = _by_power(scene, n, rest)
             rays.light_inverse_pmf[lane] = scene.light_inverse_pmf[chosen]
         elif hierarchy or cells:
-            chosen = np.int64(rays.light_node[lane])
+            chosen = np.int64(rays.chosen_light[lane])
         elif many:
             scaled = rest * n
             chosen = max(min(np.int64(scaled), n - 1), 0)  # a draw that is NaN must not leave the list
@@ -87,13 +88,13 @@ def _make_load(kinds: tuple[int, ...], selection: Selection, real: Any) -> Any:
             light_cells.choose(rays, scene)
         for lane in range(np.uint64(LANES)):
             chosen, rest = choose_light(rays, lane, scene)
-            rays.kept_column[lane] = chosen
-            rays.kept_row[lane] = select(chosen < 0, np.int64(0), chosen)
-            rays.kept[0, lane] = rest
+            rays.chosen_light[lane] = chosen
+            rays.light_row[lane] = select(chosen < 0, np.int64(0), chosen)
+            rays.light_rest[0, lane] = rest
         load_lights(rays, address_of(scene.lights), EVERY_LANE)
         for lane in range(np.uint64(LANES)):
             kind = np.int32(rays.light_row_kind[lane])
-            rays.light_kind[lane] = select(rays.kept_column[lane] < 0, np.int32(-1), kind)
+            rays.light_kind[lane] = select(rays.chosen_light[lane] < 0, np.int32(-1), kind)
         if meshes:
             lanes = _on_meshes(rays.light_kind)
             if lanes != 0:
@@ -110,13 +111,13 @@ def _make_load_lights(kinds: tuple[int, ...]) -> Any:
     columns = [LightRow.fields["kind"].first, *(COLOR + k for k in range(4)), *(first + k for k in range(parameters))]
     targets = [lane_number("light_row_kind"), *_COLOR_AND_SIDES]
     targets += [lane_number("light_parameters") + k for k in range(parameters)]
-    return make_load_rows("kept_row", LightRow, tuple(columns), tuple(targets))
+    return make_load_rows("light_row", LightRow, tuple(columns), tuple(targets))
 
 
 _COLOR_AND_SIDES = (*(lane_number("light_color") + k for k in range(3)), lane_number("light_two_sided"))
 _on_meshes, _load_face = lanes_where("==", MESH), make_load_face("light_face")
 _load_primitives = make_load_rows(
-    "kept_row",
+    "light_primitive",
     PrimitiveRow,
     (PrimitiveRow.fields["index"].first, PrimitiveRow.fields["material"].first),
     (lane_number("light_face.corner0"), lane_number("light_material")),
@@ -130,10 +131,10 @@ def _load_faces(rays, scene, lanes):
     no mesh, the first face of all is read: a branch would be taken by chance."""
     for lane in range(np.uint64(LANES)):
         keep_scalar()
-        faces, rest = scene.light_ranges[np.int64(rays.kept_row[lane])], rays.kept[0, lane]
+        faces, rest = scene.light_ranges[np.int64(rays.light_row[lane])], rays.light_rest[0, lane]
         first = np.int64(faces.first)
         chosen = environment.first_above_in(scene.light_cdf, first, np.int64(faces.count), scene.light_steps, rest)
-        rays.kept_row[lane] = scene.light_faces[first + chosen]
+        rays.light_primitive[lane] = scene.light_faces[first + chosen]
     _load_primitives(rays, address_of(scene.primitives), EVERY_LANE)
     _load_face(rays, scene)
     _load_emission(rays, address_of(scene.materials), lanes)
@@ -217,7 +218,7 @@ def _lanes_on_environment(rays):
     lanes = np.int64(0)
     for lane in range(np.uint64(LANES)):
         chosen = (rays.light_kind[lane] == IMAGE_ENVIRONMENT) & rays.alive[lane] & (not rays.hit.miss[lane])
-        lanes |= np.int64(1 if chosen else 0) << np.int64(lane)
+        lanes |= lane_bit(lane, chosen)
     return lanes
 
 
@@ -235,28 +236,28 @@ def _choose_places(rays, scene, axes, lanes):
         first = scene.environment_row_guide[environment.guide_entry(height, u1)]
         row = environment.first_above_from(rows, 0, first, height, u1)
         below = rows[row - 1] if row > 0 else 0.0
-        rays.kept[1, lane] = (row + (u1 - below) / (rows[row] - below)) / height
-        rays.kept_row[lane] = row
+        rays.environment_place[1, lane] = (row + (u1 - below) / (rows[row] - below)) / height
+        rays.environment_row[lane] = row
         prefetch(address_of(guide) + 4 * (row * width + environment.guide_entry(width, u0)))
     todo = lanes
     while todo != 0:
         lane = np.uint64(lowest_bit(todo))
         todo &= todo - 1
-        start = np.int64(rays.kept_row[lane]) * width
+        start = np.int64(rays.environment_row[lane]) * width
         first = np.int64(guide[start + environment.guide_entry(width, np.float64(rays.draw[POINT_U0, lane]))])
-        rays.kept_column[lane] = first
+        rays.environment_column[lane] = first
         prefetch(address_of(columns) + 8 * (start + first))
         prefetch(address_of(columns) + 8 * (start + first - 1))
     todo = lanes
     while todo != 0:
         lane = np.uint64(lowest_bit(todo))
         todo &= todo - 1
-        start, u0 = np.int64(rays.kept_row[lane]) * width, np.float64(rays.draw[POINT_U0, lane])
-        column = environment.first_above_from(columns, start, rays.kept_column[lane], width, u0)
+        start, u0 = np.int64(rays.environment_row[lane]) * width, np.float64(rays.draw[POINT_U0, lane])
+        column = environment.first_above_from(columns, start, rays.environment_column[lane], width, u0)
         below = columns[start + column - 1] if column > 0 else 0.0
         u = (column + (u0 - below) / (columns[start + column] - below)) / width
-        rays.kept[0, lane] = u
-        environment.prefetch_texels(scene, axes, u, rays.kept[1, lane])
+        rays.environment_place[0, lane] = u
+        environment.prefetch_texels(scene, axes, u, rays.environment_place[1, lane])
 
 
 @inline
@@ -269,15 +270,15 @@ def _image_environment(rays, scene, pmf, turned, real):
     axes, width, height = scene.environment_map[0], scene.environment_width, scene.environment_height
     _choose_places(rays, scene, axes, lanes)
     for lane in range(np.uint64(LANES)):
-        wi, sine = environment.uv_to_direction(rays.kept[0, lane], rays.kept[1, lane])
+        wi, sine = environment.uv_to_direction(rays.environment_place[0, lane], rays.environment_place[1, lane])
         if turned:
             wi = environment.to_scene(axes, wi)
-        rays.kept[2, lane] = sine
-        rays.light_sample.wi[lane] = select((lanes >> np.int64(lane)) & 1 != 0, to_real(wi, real), rays.light_sample.wi[lane])
+        rays.environment_place[2, lane] = sine
+        rays.light_sample.wi[lane] = select(has_lane(lanes, lane), to_real(wi, real), rays.light_sample.wi[lane])
     while lanes != 0:
         lane = np.uint64(lowest_bit(lanes))
         lanes &= lanes - 1
-        u, v, sine = rays.kept[0, lane], rays.kept[1, lane], rays.kept[2, lane]
+        u, v, sine = rays.environment_place[0, lane], rays.environment_place[1, lane], rays.environment_place[2, lane]
         radiance = environment.radiance(scene.environment, environment.texels_at(width, height, axes, u, v))
         density = scene.environment_pdf[environment.texel_of(width, height, u, v)]
         pdf = environment.pdf_solid_angle(density, sine) * np.float64(pmf)

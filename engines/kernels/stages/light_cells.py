@@ -38,17 +38,17 @@ def _part(scene, p, normal):
 
 @inline
 def choose(rays, scene):
-    """Chooses each lane's light: its index as `light_node`, 1 / the probability, and what is left of the draw."""
+    """Chooses each lane's light: its index, 1 / the probability, and what is left of the draw."""
     for lane in range(np.uint64(LANES)):
-        rays.kept_row[lane] = _part(scene, rays.hit.point[lane], rays.hit.geometric_normal[lane])
+        rays.light_cell[lane] = _part(scene, rays.hit.point[lane], rays.hit.geometric_normal[lane])
     bins, count = scene.light_bins, scene.n_light_bins
     for lane in range(np.uint64(LANES)):
         scaled = np.float64(rays.draw[LIGHT, lane]) * count
         bin = max(min(np.int64(scaled), count - 1), 0)  # a draw that is NaN must not leave the table
-        first = NUMBERS * (np.int64(scene.light_rows[rays.kept_row[lane]]) * count + bin)
+        first = NUMBERS * (np.int64(scene.light_rows[rays.light_cell[lane]]) * count + bin)
         place, end = scaled - bin, bins[first] * (count / STEPS)
         own = place < end
-        rays.light_node[lane] = select(own, bin, np.int64(bins[first + 1]))
+        rays.chosen_light[lane] = select(own, bin, np.int64(bins[first + 1]))
         rays.light_inverse_pmf[lane] = STEPS / select(own, bins[first + 2], bins[first + 3])
         rays.draw[LIGHT, lane] = select(own, place, place - end) / select(own, end, 1.0 - end)
 

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from engines.kernels.compile.jit import inline
+from engines.kernels.compile.masks import lane_bit
 from engines.kernels.compile.simd import lane as number
 from engines.kernels.compile.simd import load8, splat
 from engines.kernels.compile.values import lowest_bit, select
@@ -112,10 +113,11 @@ def _start(rays, scene, lane):
         scaled = np.float64(rays.draw[LIGHT, lane]) * parts
         part = max(min(np.int64(scaled), parts - 1), 0)
         goes = part >= scene.n_unbounded_lights
-        light = np.int64(0) if goes else np.int64(scene.unbounded_lights[part])
+        light = np.int64(-1) if goes else np.int64(scene.unbounded_lights[part])
         rays.draw[LIGHT, lane] = scaled - part
         rays.light_inverse_pmf[lane] = parts
-    rays.light_node[lane] = light
+    rays.chosen_light[lane] = light
+    rays.light_node[lane] = 0
     return goes
 
 
@@ -129,21 +131,23 @@ def _descend(rays, scene, lane, real, below_one):
     slot, start = _slot(sums, target)
     share = np.float64(number(shares, slot))
     if not share > 0.0:  # no child may send light
-        rays.light_node[lane] = -1
         rays.light_inverse_pmf[lane] = np.inf
         return False
     rest = (target - start) / share
     rays.draw[LIGHT, lane] = select(rest < below_one, rest, below_one)
     rays.light_inverse_pmf[lane] = np.float64(rays.light_inverse_pmf[lane]) * (sums.total / share)
     child = np.int64(scene.light_children[node * WIDTH + slot])
-    rays.light_node[lane] = child if child >= 0 else -1 - child
-    return child >= 0
+    if child < 0:
+        rays.chosen_light[lane] = -1 - child
+        return False
+    rays.light_node[lane] = child
+    return True
 
 
 @cache
 def make_choose(real: Any) -> Any:
-    """The function (rays, scene) that chooses each lane's light: its index, or -1 for none, as `light_node`, 1 / the
-    probability, and what is left of the draw. Lanes take turns, so that the processor works on one while another waits
+    """The function (rays, scene) that chooses each lane's light: its index, or -1 for none, 1 / the probability,
+    and what is left of the draw. Lanes take turns, so that the processor works on one while another waits
     for a root."""
     below_one = 1.0 - float(np.finfo(real).epsneg)
 
@@ -151,13 +155,13 @@ def make_choose(real: Any) -> Any:
     def choose(rays, scene):
         waiting = np.int64(0)
         for lane in range(np.uint64(LANES)):
-            waiting |= np.int64(1 if _start(rays, scene, lane) else 0) << np.int64(lane)
+            waiting |= lane_bit(lane, _start(rays, scene, lane))
         while waiting != 0:
             turn, waiting = waiting, np.int64(0)
             while turn != 0:
                 lane = np.uint64(lowest_bit(turn))
                 turn &= turn - 1
-                waiting |= np.int64(1 if _descend(rays, scene, lane, real, below_one) else 0) << np.int64(lane)
+                waiting |= lane_bit(lane, _descend(rays, scene, lane, real, below_one))
 
     return choose
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from engines.kernels.compile.dispatch import dispatch
 from engines.kernels.compile.jit import compile_stage, inline
+from engines.kernels.compile.masks import lane_bit
 from engines.kernels.compile.records import lane_numbers
 from engines.kernels.compile.values import lowest_bit
 from engines.kernels.features import SceneFeatures, per_features
@@ -24,7 +25,8 @@ from engines.kernels.lane.shapes import plane, sphere, triangle
 from engines.kernels.lane.shapes.coordinates import Coordinates
 from engines.kernels.lane.shapes.triangle import VertexUV
 from engines.kernels.lane.vector import Vec3, dot, to_float64
-from engines.kernels.layout import BSDF_PARAMETERS, LANES, LOBE, ray_batch, scene_table
+from engines.kernels.layout import LANES, LOBE, ray_batch, scene_table
+from engines.kernels.rows import BSDF_PARAMETERS
 from engines.kernels.stages.textures import OnTriangle, color_at, gradient_at, luminance, make_color, prefetch_texels
 
 # ---- texture coordinates -----------------------------------------------------------------------------------------------
@@ -224,9 +226,9 @@ def make_locate(features: SceneFeatures) -> Any:
             lane = np.uint64(lowest_bit(lanes))
             lanes &= lanes - 1
             at = coordinates(rays, lane, scene)
-            rays.kept[0, lane], rays.kept[1, lane] = at.u, at.v
-            rays.kept[2, lane], rays.kept[3, lane], rays.kept[4, lane] = at.dp_du.x, at.dp_du.y, at.dp_du.z
-            rays.kept[5, lane], rays.kept[6, lane], rays.kept[7, lane] = at.dp_dv.x, at.dp_dv.y, at.dp_dv.z
+            rays.coordinates[0, lane], rays.coordinates[1, lane] = at.u, at.v
+            rays.coordinates[2, lane], rays.coordinates[3, lane], rays.coordinates[4, lane] = at.dp_du.x, at.dp_du.y, at.dp_du.z
+            rays.coordinates[5, lane], rays.coordinates[6, lane], rays.coordinates[7, lane] = at.dp_dv.x, at.dp_dv.y, at.dp_dv.z
             if textures:
                 first = PREFETCHED * np.int64(scene.primitives[rays.primitive[lane]].material)
                 for k in range(PREFETCHED):
@@ -241,7 +243,7 @@ def make_locate(features: SceneFeatures) -> Any:
 @inline
 def coordinates_at(rays, lane):
     """Those that are kept."""
-    u, v, a, b, c, d, e, f = lane_numbers(rays.kept, lane)
+    u, v, a, b, c, d, e, f = lane_numbers(rays.coordinates, lane)
     return Coordinates(u, v, Vec3(a, b, c), Vec3(d, e, f))
 
 
@@ -252,8 +254,8 @@ def _lanes_with_program(rays, scene):
     for lane in range(np.uint64(LANES)):
         if rays.alive[lane] and not rays.hit.miss[lane]:
             first = scene.programs[scene.primitives[rays.primitive[lane]].material]
-            rays.kept_row[lane] = first
-            lanes |= np.int64(1 if first >= 0 else 0) << np.int64(lane)
+            rays.program[lane] = first
+            lanes |= lane_bit(lane, first >= 0)
     return lanes
 
 
@@ -310,7 +312,7 @@ def _make(features: SceneFeatures, real: Any) -> Any:
         while lanes != 0:
             lane = np.uint64(lowest_bit(lanes))
             lanes &= lanes - 1
-            apply_program(rays, lane, scene, np.int64(rays.kept_row[lane]))
+            apply_program(rays, lane, scene, np.int64(rays.program[lane]))
 
     return material
 

@@ -261,7 +261,6 @@ def _store(rays, lane, before, result, crosses, null, n_lights, shading, left, s
     if shading.every:
         per_vertex, light = n_lights, np.int64(rays.light_index[lane])
         stays = light + 1 < n_lights
-        rays.light_index[lane] = select(stays, light + 1, 0)
     added = select(working & (light == 0), result.radiance, Vec3(real(0), real(0), real(0)))
     rays.radiance[lane] = rays.radiance[lane] + added
     offset = rays.hit.offset[lane]

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from engines.kernels.compile.dispatch import dispatch
 from engines.kernels.compile.jit import compile_stage, inline
+from engines.kernels.compile.masks import lane_bit
 from engines.kernels.compile.records import lane_numbers
 from engines.kernels.compile.values import const, lowest_bit, select
 from engines.kernels.features import SceneFeatures, per_features
@@ -21,7 +22,8 @@ from engines.kernels.flatten.shapes import PLANE, SPHERE, TRIANGLE, analytic_sha
 from engines.kernels.lane.shapes import plane, sphere, triangle
 from engines.kernels.lane.shapes.intersection import ShapeIntersection
 from engines.kernels.lane.vector import Vec3, dot, extent, largest, sin_cos_turn, to_float64
-from engines.kernels.layout import CAMERA_DIMENSIONS, LANES, MarginRow, ray_batch, scene_table
+from engines.kernels.layout import CAMERA_DIMENSIONS, LANES, ray_batch, scene_table
+from engines.kernels.rows import MarginRow
 from engines.kernels.stages import environment
 from engines.kernels.stages.emission import make_hits
 from engines.kernels.stages.hit_loads import area_lights, chooses_by_weight, make_load_hit
@@ -29,8 +31,18 @@ from engines.kernels.stages.hit_loads import area_lights, chooses_by_weight, mak
 OFFSET_ULPS = 256.0
 """New rays start this many machine epsilons of the largest coordinate away from the surface."""
 
-_SHAPES = ("triangles", "spheres", "planes", "analytic")
-_MATERIALS = (*_SHAPES, "smooth", "bsdfs", "diffuse", "mirror", "refraction", "tangents", "uvs")
+_UNLIT: dict[str, Any] = {
+    "lights": (),
+    "power_lights": False,
+    "light_hierarchy": False,
+    "light_cells": False,
+    "emission": False,
+    "textured_emission": False,
+    "turned_environment": False,
+    "transparent": False,
+    "hidden_emitters": False,
+}
+_BARE: dict[str, Any] = {**_UNLIT, "bsdfs": (), "smooth": False, "tangents": False, "uvs": False}
 
 
 def margins(tracing: Any) -> NDArray[np.float64]:
@@ -254,7 +266,7 @@ def _image_environment(rays, scene, inverse_pmf, turned, real):
     """Radiance of the rays that miss, from the environment's image: prefetched, then read by scalar code."""
     lanes = np.int64(0)
     for lane in range(np.uint64(LANES)):
-        lanes |= np.int64(1 if rays.hit.miss[lane] & rays.alive[lane] else 0) << np.int64(lane)
+        lanes |= lane_bit(lane, rays.hit.miss[lane] & rays.alive[lane])
     if lanes == 0:
         return
     width, height, axes = scene.environment_width, scene.environment_height, scene.environment_map[0]
@@ -263,19 +275,19 @@ def _image_environment(rays, scene, inverse_pmf, turned, real):
         if turned:
             d = environment.to_image(axes, d)
         u, v = environment.direction_to_uv(d.x, d.y, d.z)
-        rays.kept[0, lane], rays.kept[1, lane], rays.kept[2, lane] = u, v, sin_cos_turn(0.5 * v)[0]
+        rays.missed_place[0, lane], rays.missed_place[1, lane], rays.missed_place[2, lane] = u, v, sin_cos_turn(0.5 * v)[0]
     todo = lanes
     while todo != 0:
         lane = np.uint64(lowest_bit(todo))
         todo &= todo - 1
-        environment.prefetch_texels(scene, axes, rays.kept[0, lane], rays.kept[1, lane])
+        environment.prefetch_texels(scene, axes, rays.missed_place[0, lane], rays.missed_place[1, lane])
     while lanes != 0:
         lane = np.uint64(lowest_bit(lanes))
         lanes &= lanes - 1
-        u, v = rays.kept[0, lane], rays.kept[1, lane]
+        u, v = rays.missed_place[0, lane], rays.missed_place[1, lane]
         rays.hit.emission[lane] = environment.radiance(scene.environment, environment.texels_at(width, height, axes, u, v))
         density = scene.environment_pdf[environment.texel_of(width, height, u, v)]
-        rays.hit.light_pdf[lane] = real(environment.pdf_solid_angle(density, rays.kept[2, lane])) / inverse_pmf
+        rays.hit.light_pdf[lane] = real(environment.pdf_solid_angle(density, rays.missed_place[2, lane])) / inverse_pmf
 
 
 def stage(features: SceneFeatures, real: Any) -> Any:
@@ -285,12 +297,12 @@ def stage(features: SceneFeatures, real: Any) -> Any:
 
 def bare_stage(features: SceneFeatures, real: Any) -> Any:
     """The same without materials and lights: where a ray met which shape, and the geometric normal there."""
-    return _stage(features.only(*_SHAPES), real)
+    return _stage(features._replace(**_BARE), real)
 
 
 def dark_stage(features: SceneFeatures, real: Any) -> Any:
     """The same without lights, of shadow rays."""
-    return _stage(features.only(*_MATERIALS), real)
+    return _stage(features._replace(**_UNLIT), real)
 
 
 @per_features

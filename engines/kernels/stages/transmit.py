@@ -2,8 +2,8 @@
 (docs/transport.md, "Null lobes" and "Transparent shadows").
 
 Shadow rays have a batch of their own, which goes through the stages "closest", "surface" without lights, and this one, until
-every ray has arrived at its light or is blocked. `throughput` is what has passed, and `t` not above 0 where a ray has ended.
-Transmittances are scalar code: what is read differs from lane to lane.
+every ray has arrived at its light or is blocked. `shadow.transmittance` is what has passed, and `t` not above 0 where a ray has
+ended. Transmittances are scalar code: what is read differs from lane to lane.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ from engines.kernels.flatten.materials import transmittance_of
 from engines.kernels.flatten.programs import BLEND, BUMP, LEAF, MASK, SIDES, THROUGH
 from engines.kernels.lane import tilt
 from engines.kernels.lane.vector import Vec3, largest, length, to_float64, to_real
-from engines.kernels.layout import BSDF_PARAMETERS, LANES, ray_batch, scene_table
+from engines.kernels.layout import LANES, ray_batch, scene_table
+from engines.kernels.rows import BSDF_PARAMETERS
 from engines.kernels.stages.material import coordinates_at, make_locate, make_look_up, make_share, tilted, triangle_point
 from engines.kernels.stages.shade import curved_shapes, make_left
 
@@ -122,8 +123,8 @@ def _store_next_rays(rays, share, left, real):
     """The rays that go on, from the far side of what they have met to the same place; `t` is -1 of the others."""
     zero, infinite = real(0), real(math.inf)
     for lane in range(np.uint64(LANES)):
-        goes = (not rays.hit.miss[lane]) & (largest(rays.path.throughput[lane]) > zero)
-        offset, endless = rays.hit.offset[lane], rays.light_sample.distance[lane] == infinite
+        goes = (not rays.hit.miss[lane]) & (largest(rays.shadow.transmittance[lane]) > zero)
+        offset, endless = rays.hit.offset[lane], rays.shadow.t_max[lane] == infinite
         origin = rays.hit.point[lane] - rays.hit.geometric_normal[lane] * offset
         aim = rays.shadow.destination[lane] - origin
         way = length(aim)
@@ -147,7 +148,7 @@ def _make(features: SceneFeatures, real: Any) -> Any:
             lane = np.uint64(lowest_bit(hits))
             hits &= hits - 1
             passed = transmittance(rays, lane, scene)
-            rays.path.throughput[lane] = rays.path.throughput[lane] * passed
+            rays.shadow.transmittance[lane] = rays.shadow.transmittance[lane] * passed
         _store_next_rays(rays, real(scene.margins[0].shadow_share), left, real)
 
     return transmit

@@ -22,7 +22,8 @@ from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten import FlatScene
 from engines.kernels.lane.shapes.sphere import sphere_distance
 from engines.kernels.lane.vector import Vec3, dot, to_float64
-from engines.kernels.layout import LANES, CameraRow, SceneTable, ray_batch, scene_table
+from engines.kernels.layout import LANES, SceneTable, ray_batch, scene_table
+from engines.kernels.rows import CameraRow
 from engines.kernels.stages.linear import closest_planes, keep_nearer, make_analytic_test
 from engines.numba_cpu.accel import none
 from engines.numba_cpu.accel.primitives import CornersRow, corners, distance_to_triangle, make_ray

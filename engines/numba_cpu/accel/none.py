@@ -22,7 +22,8 @@ from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten import FlatScene
 from engines.kernels.lane.shapes.triangle import Shear, ray_frame, shear, triangle_distance
 from engines.kernels.lane.vector import Vec3, extent
-from engines.kernels.layout import ACCELERATOR, LANES, RayBatch, SceneTable, TriangleRow, ray_batch, scene_table
+from engines.kernels.layout import ACCELERATOR, LANES, RayBatch, SceneTable, ray_batch, scene_table
+from engines.kernels.rows import TriangleRow
 from engines.kernels.stages.linear import (
     block_shadow,
     closest_planes,

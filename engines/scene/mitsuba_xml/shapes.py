@@ -25,7 +25,7 @@ from engines.scene.mitsuba_xml.transforms import Matrix, cofactors, mirrored, pl
 from engines.scene.models import Diffuse
 from engines.scene.shapes import PART, Cylinder, Disk, Shape, Sphere
 from engines.scene.tessellate import Triangles
-from engines.scene.textures import Color, MeshAttribute, Texture
+from engines.scene.textures import Color, MeshAttribute, Texture, UVTexture
 from engines.scene.triple import BLACK, triple
 
 SEGMENTS, RINGS, DISK_RINGS = 192, 96, 16
@@ -50,8 +50,7 @@ class Look:
     @property
     def looks_at_uv(self) -> bool:
         """Whether its emission or its BSDF has a texture that looks at texture coordinates."""
-        own = isinstance(self.radiance, Texture) and not isinstance(self.radiance, MeshAttribute)
-        return own or is_textured(self.bsdf)
+        return isinstance(self.radiance, UVTexture) or is_textured(self.bsdf)
 
     @property
     def attributes(self) -> set[str]:

@@ -56,7 +56,8 @@ def coordinates(p, center, radius):
     x = p - center
     across = math.sqrt(x.x * x.x + x.y * x.y)
     phi, height = turn_of(x.y, x.x), x.z / radius
-    theta = math.acos(min(1.0, max(-1.0, height)))
+    height = select(height > -1.0, height, -1.0)
+    theta = math.acos(select(height < 1.0, height, 1.0))
     cos, sin = math.cos(phi), math.sin(phi)
     dp_du = Vec3(-x.y, x.x, 0.0) * (2.0 * math.pi)
     return Coordinates(phi / (2.0 * math.pi), theta / math.pi, dp_du, Vec3(x.z * cos, x.z * sin, -across) * math.pi)
