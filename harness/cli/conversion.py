@@ -79,7 +79,8 @@ def _loaded(file: Path, targets: tuple[Path, ...], imports: bool, outside: bool,
 def _keep(files: list[Path], targets: tuple[Path, ...]) -> None:
     """Refuses targets, files and folders, that are or hold some of the files."""
     from engines.errors import ConfigError
+    from harness.config.paths import shown
 
     for file in files:
         if target := next((target for target in targets if file.resolve().is_relative_to(target.resolve())), None):
-            raise ConfigError(f"-o {target}: the scene to convert reads {file}: another file or folder is expected")
+            raise ConfigError(f"-o {target}: the scene to convert reads {shown(file)}: another file or folder is expected")
