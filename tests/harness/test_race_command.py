@@ -100,9 +100,9 @@ def test_the_bar_goes_in_equal_steps_of_the_logarithm():
 
 
 def test_a_reference_has_as_many_samples_as_its_target_needs_within_its_time(tmp_path):
-    """Every pixel has the same noise: the fewest samples, 256, are enough for an error of 20, not for one of 1e-3."""
+    """Every pixel has the same noise. In no time there are the fewest samples, 256; a smaller error takes more than a larger."""
     path, found = sweeping.write(tmp_path), []
-    for target, time in ((20.0, "20s"), (1e-3, "1ms"), (1e-3, "600s")):
+    for target, time in ((1e-3, "1ms"), (1.0, "600s"), (1e-3, "600s")):
         out = tmp_path / f"{target} {time}"
         chosen = ["reference.spp=auto", f"reference.max_time={time}", f"quality.targets=[{target}]"]
         sweeping.run(path, out, [*chosen, "repeats=1", "budget.max_spp=2"])
@@ -110,7 +110,7 @@ def test_a_reference_has_as_many_samples_as_its_target_needs_within_its_time(tmp
         (reference,) = results.references.values()
         assert results.manifest.reference_spp == {reference.reference_id: reference.spp}
         found.append(reference.spp)
-    assert found[:2] == [256, 256] and found[2] > 256 and len({*found}) == 2
+    assert found[0] == 256 < found[1] < found[2]
     (wanted,) = planner.make(config.load(path, chosen), True).references.values()
     root = reference_files.cache_folder()
     enough = reference_samples.sufficiency(wanted, root, config.load(path, chosen).quality)
