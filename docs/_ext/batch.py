@@ -86,7 +86,7 @@ def _name(node: ast.expr) -> str:
 
 
 def _field(node: ast.expr) -> str:
-    """ "hit.point" of `rays.hit.point`; empty for what is no field."""
+    """The path of a field, "hit.point" of `rays.hit.point`; empty for what is no field."""
     names: list[str] = []
     while isinstance(node, ast.Attribute):
         names, node = [node.attr, *names], node.value

@@ -29,7 +29,7 @@ class Loaded:
         reference = experiment.reference
         certify = None if reference.certify == AUTOMATIC else reference.certify
         self.reference_engine = reference.engine or REFERENCE_ENGINE
-        self.in_its_place = [] if reference.engine else [name for name in names if makes_references(name)]
+        self.in_its_place = [] if reference.engine else [n for n in names if n != REFERENCE_ENGINE and makes_references(n)]
         for name in filter(None, [*names, *((self.reference_engine, certify) if experiment.renders else ())]):
             require_imports(name, allow_imports)
             require_commands(name, allow_commands)

@@ -37,15 +37,18 @@ def reference_of(
         reasons = [f"no reference by {name}: {why_not}"]
         able: list[PlannedReference] = []
         for other in known.in_its_place:
-            why_not = _may_not_replace(other, experiment, known)
-            found, why_not = (None, why_not) if why_not else _reference_by(other, experiment, file, scene, settings, known)
-            if found is not None:
-                able.append(found)
-            elif other != name:
+            found, why_not = None, _may_not_replace(other, experiment, known)
+            if not why_not:
+                found, why_not = _reference_by(other, experiment, file, scene, settings, known)
+            if found is None:
                 reasons.append(f"no reference by {other}: {why_not}")
+            else:
+                able.append(found)
+        if len(able) > 1:
+            names = " and ".join(each.spec["engine"] for each in able)
+            reasons.append(f"{names} can make it: reference.engine must name one")
         if len(able) != 1:
-            several = " and ".join(each.spec["engine"] for each in able)
-            return None, "; ".join([*reasons, *[f"{several} can make it: reference.engine must name one"] * bool(able)])
+            return None, "; ".join(reasons)
         (planned,) = able
     return replace(planned, certifier=_certifier(experiment, scene, planned, known)), None
 
