@@ -25,8 +25,9 @@ FLOORS: dict[str, set[str]] = {
     "guide_records": COMPILED,
     "driver": {*COMPILED, "compile.masks", "guide_records", "lane", "layout"},
     "queries": {*COMPILED, "compile.vec3", "driver", "layout"},
+    "pipeline": {"compile.second_process", "features", "flatten", "stages"},
     "renderer": {
-        *("compile.jit", "compile.second_process", "driver", "features", "flatten", "guide_records", "layout", "queries"),
+        *("compile.jit", "compile.second_process", "driver", "flatten", "guide_records", "layout", "pipeline", "queries"),
         *("resolve", "stages"),
     },
     "resolve": {"flatten", "layout", "rows"},

@@ -1,9 +1,9 @@
 """The loop that drives ray batches through the stages, tile by tile (`queries` does so for single rays).
 
-    regenerate -> closest -> surface -> (draw -> light -> guide -> BSDFs -> mix -> shade -> occluded -> add direct light),
-        for integrators that visit every light once for each -> finish
+    regenerate -> closest -> surface -> (draw -> material -> scattering -> shade -> occluded -> add direct light) -> finish
 
-Materials are looked up with the first draw of a vertex, before the lights.
+What stands in brackets is repeated for each light by integrators that visit all, without the material. `pipeline` has the table
+of stages.
 
 Where shadow rays cross null lobes, they have a third batch, in which closest, surface and transmit take the place of occluded.
 
@@ -31,6 +31,7 @@ from engines.kernels.layout import (
     CAMERA_DIMENSIONS,
     LANES,
     MOST_NULL_LOBES,
+    SURFACE,
     VERTEX_DIMENSIONS,
     copy_paths,
     ray_batch,
@@ -122,39 +123,6 @@ class Pass(NamedTuple):
     samples: int
 
 
-class Stages(NamedTuple):
-    """Addresses of the stages of a scene and its integrator, in the order of calls; 0 of those that they do not need."""
-
-    draw_pixel: int = 0
-    camera: int = 0
-    closest: int = 0
-    surface: int = 0
-    draw_vertex: int = 0
-    material: int = 0
-    """Where some material has wrappers or textures."""
-    light: int = 0
-    """Where there are lights to sample."""
-    guide: int = 0
-    """Where directions are sampled by an SD-tree as well, and recorded for it, as `mix`."""
-    mix: int = 0
-    shade: int = 0
-    occluded: int = 0
-    dark_surface: int = 0
-    """Where shadow rays cross null lobes, as `transmit`."""
-    transmit: int = 0
-
-
-class Plan(NamedTuple):
-    """What the driver does for a scene and its integrator, besides calling stages."""
-
-    branches: bool
-    """Two rays may follow from one hit."""
-    per_vertex: int
-    """Light samples at a vertex."""
-    last_depth: int
-    """See `stages.shade.last_depth`."""
-
-
 class Issued(NamedTuple):
     """Samples of a pass that have begun, and the lanes in which one waits, begun in the spare batch."""
 
@@ -234,7 +202,7 @@ def _some_scatter(rays, last_depth):
     """Whether some lane needs random numbers, a light sample and its BSDF."""
     lanes = np.int32(0)
     for lane in range(np.uint64(LANES)):
-        scatters = rays.alive[lane] & (not rays.hit.miss[lane]) & (np.int32(rays.path.depth[lane]) < last_depth)
+        scatters = rays.alive[lane] & (rays.hit.kind[lane] == SURFACE) & (np.int32(rays.path.depth[lane]) < last_depth)
         lanes |= np.int32(1 if scatters else 0)
     return lanes != 0
 
@@ -267,10 +235,10 @@ def _cross_null_lobes(rays, stages, shadows, scene, real):
 
 
 @inline
-def _trace_shadow_rays(rays, stages, batch, shadows, scene, real):
+def _trace_shadow_rays(rays, stages, batch, shadows, scene, null_lobes, real):
     """Adds the light samples that nothing hides; returns the rays that were traced."""
     traced, lanes = 0, positive_lanes(rays.shadow.t_max)
-    if lanes != 0 and stages.transmit != 0:
+    if lanes != 0 and null_lobes:
         traced = _cross_null_lobes(rays, stages, shadows, scene, real)
     elif lanes != 0:
         traced = bits_set(lanes)
@@ -281,7 +249,7 @@ def _trace_shadow_rays(rays, stages, batch, shadows, scene, real):
 
 
 @inline
-def _advance(rays, stages, bsdfs, batch, shadows, scene, plan, records, real):
+def _advance(rays, stages, batch, shadows, scene, plan, records, real):
     """One segment of every path; returns the rays that were traced."""
     traced = bits_set(positive_lanes(rays.t))
     call_stage(stages.closest, batch, scene)
@@ -292,20 +260,14 @@ def _advance(rays, stages, bsdfs, batch, shadows, scene, plan, records, real):
             rays.light_index[lane] = k
         if scatters:
             call_stage(stages.draw_vertex, batch, scene)
-            if stages.material != 0 and k == 0:
+            if k == 0 and stages.material != 0:
                 call_stage(stages.material, batch, scene)
-            if stages.light != 0:
-                call_stage(stages.light, batch, scene)
-            if stages.guide != 0:
-                call_stage(stages.guide, batch, scene)
-            for bsdf in bsdfs:
-                call_stage(bsdf, batch, scene)
-            if stages.guide != 0:
-                call_stage(stages.mix, batch, scene)
+            for stage in stages.scattering:
+                call_stage(stage, batch, scene)
         call_stage(stages.shade, batch, scene)
-        if stages.light != 0:
-            traced += _trace_shadow_rays(rays, stages, batch, shadows, scene, real)
-    if stages.guide != 0 and scatters:
+        if plan.lit:
+            traced += _trace_shadow_rays(rays, stages, batch, shadows, scene, plan.null_lobes, real)
+    if plan.guided and scatters:
         keep_records(rays, from_zero(rays.recorded.vertex), records)
     return traced
 
@@ -338,7 +300,6 @@ def driver(real: Any) -> Any:
 
     def drive(
         stages,
-        bsdfs,
         batch,
         spare,
         shadows,
@@ -380,11 +341,11 @@ def driver(real: Any) -> Any:
                     idle |= idle_now
                     if idle == EVERY_LANE:
                         break
-                    traced += _advance(rays, stages, bsdfs, batch, shadows, scene, plan, records, real)
+                    traced += _advance(rays, stages, batch, shadows, scene, plan, records, real)
                     free, fits = _finish(rays, stacks, capacity, plan, buffer)
                     if not fits:
                         control[STACK_FULL] = 1
-                if stages.guide != 0:
+                if plan.guided:
                     learn(work.samples * work.rows * work.columns, records, buffer)
                 _commit(buffer, work, sums, squares, even_sums, counts, totals)
                 done[tile] = first + work.samples

@@ -38,6 +38,7 @@ from engines.kernels.compile.vec3 import Vec3
 from engines.kernels.integrators.interface import Path
 from engines.kernels.lane.bsdf.interface import Scattering
 from engines.kernels.lane.lights import LightSample
+from engines.kernels.lane.shapes.intersection import ShapeIntersection
 from engines.kernels.rows import (
     BSDF_PARAMETERS,
     LIGHT_PARAMETERS,
@@ -74,12 +75,15 @@ MOST_NULL_LOBES = 1024
 """Null lobes that a path or a shadow ray crosses at most: rounding must not hold a ray for ever."""
 CAMERA_DIMENSIONS = 2
 """Dimensions before the first vertex: the place in the pixel."""
+MISS, SURFACE = range(2)
+"""What a path has met: see `Hit.kind`."""
 
 
 class Hit(NamedTuple):
-    """The surface interaction. Of a miss, `emission` is the environment's, and `t` of the ray is infinite."""
+    """The vertex that a path has met. Of a miss, `emission` is the environment's, and `t` of the ray is infinite."""
 
-    miss: bool
+    kind: int
+    """MISS or SURFACE."""
     front: bool
     """Met from the side of the shape's own normal."""
     shape: int
@@ -93,7 +97,7 @@ class Hit(NamedTuple):
     tangent: Vec3
     """Derivative of the point by the shape's first coordinate, where some material is anisotropic."""
     offset: float
-    """How far from the surface new rays start; until the surface stage knows that, `ShapeIntersection.scale`."""
+    """How far from the surface new rays start."""
     emission: Vec3
     """Towards the viewer."""
     light_pdf: float
@@ -233,14 +237,17 @@ class RayBatch(LaneRecord):
     bsdf_model = integer()  # which model, where the scene holds several
 
     # what the surface stage loads of the scene before it computes, so that loops over lanes are vector code on any machine
-    hit_row = integer()  # of the primitive, then of its shape among those of its kind, then of its light
+    primitive_row = integer()  # the id of the primitive, 0 for none
+    shape_row = integer()  # the index of its shape among those of its kind, or of its triangle
     formula_row = integer()  # of a shape that is no triangle
     face = record(Face)
     vertex_normal0, vertex_normal1, vertex_normal2 = vector(), vector(), vector()
+    found = record(ShapeIntersection)  # in scenes with shapes of several kinds
     shape_parameters = doubles(SHAPE_PARAMETERS)
     material = integer()
     two_sided = real()  # 1 or 0
     emitter = integer()  # index of the light that the primitive belongs to, -1 for none
+    emitter_row = integer()  # the same, 0 for none
     emitter_parameters = reals(LIGHT_PARAMETERS)
     emitter_inverse_pmf = real()  # 1 / the probability with which it would be chosen, where that differs between lights
 

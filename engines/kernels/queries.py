@@ -13,12 +13,9 @@ from engines.kernels.compile.jit import inline, kernel
 from engines.kernels.compile.values import call_stage
 from engines.kernels.compile.vec3 import Vec3
 from engines.kernels.driver import make_idle
-from engines.kernels.layout import LANES, ray_batch
+from engines.kernels.layout import LANES, SURFACE, ray_batch
 
 Reals = NDArray[np.float64]
-
-CLOSEST, OCCLUDED, BARE_SURFACE = range(3)
-"""Places in the array of stage addresses."""
 
 
 def rays_of(origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike) -> tuple[Reals, Reals, Reals]:
@@ -94,12 +91,12 @@ def tracer(real: Any) -> Any:
             traced += _load_rays(
                 rays, rays.origin, rays.direction, rays.t, lengths, origins, directions, t_max, center, start, last
             )
-            call_stage(stages[CLOSEST], batch, scene)
-            call_stage(stages[BARE_SURFACE], batch, scene)
+            call_stage(stages.closest, batch, scene)
+            call_stage(stages.surface, batch, scene)
             for lane in range(np.uint64(LANES)):
                 i = start + np.int64(lane)
                 if i < last:
-                    hit = not rays.hit.miss[lane]
+                    hit = rays.hit.kind[lane] == SURFACE
                     shape[i], primitive[i] = _shape_of(np.int64(rays.primitive[lane]), first_id)
                     t[i] = np.float64(rays.t[lane]) / lengths[lane] if hit else math.inf
                     n = rays.hit.geometric_normal[lane]
@@ -134,7 +131,7 @@ def shadow_tracer(real: Any) -> Any:
                 start,
                 last,
             )
-            call_stage(stages[OCCLUDED], batch, scene)
+            call_stage(stages.occluded, batch, scene)
             for lane in range(np.uint64(LANES)):
                 i = start + np.int64(lane)
                 if i < last:

@@ -8,33 +8,30 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import replace
 from itertools import chain
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from engines.choices import Choice
 from engines.concurrency import CallGuard
 from engines.errors import RendererFailed, Unsupported
 from engines.film import Film
 from engines.interface import Hits, OnPass, Settings
-from engines.kernels import driver, queries
+from engines.kernels import driver, pipeline, queries
 from engines.kernels.compile import jit
 from engines.kernels.compile.second_process import compile_jobs
-from engines.kernels.features import SceneFeatures
-from engines.kernels.flatten import FlatScene, flatten
+from engines.kernels.flatten import flatten
 from engines.kernels.flatten.guide import bind_guide
 from engines.kernels.flatten.light_samplers import bind_light_cells, bind_light_sampler
 from engines.kernels.guide_records import records_of
 from engines.kernels.layout import LANES, SHADER_OPTIONS, VERTEX_DRAWS, SceneTable, aligned, batch_bytes, stack_bytes
 from engines.kernels.resolve import known
-from engines.kernels.stages import camera, guiding, light, material, sampler, scattering, shade, surface, transmit
+from engines.kernels.stages import camera, sampler, shade, surface
 from engines.light_cells import light_cells
-from engines.scene import Camera, Scene, Shape, ThinLens
+from engines.scene import Camera, Scene, Shape
 from engines.scene.support import foreign
 from engines.sd_tree import Training
 
-BSDFS = ("bsdfs",)
 CHUNK = 4
 """Samples per pixel between two commits of a tile."""
 SAMPLES_A_TABLE = 4096
@@ -48,27 +45,10 @@ SHARED_RAYS = 4096
 Reals = NDArray[np.float64]
 
 
-class Accelerator(Protocol):
-    """What finds hits: builds its arrays into the flattened scene and gives the stages that walk them."""
-
-    name: str
-    scratch: int
-    precision: Any
-    """Scalar type in which it traces, or None for that of the batch."""
-    build_seconds: float
-
-    @property
-    def bytes(self) -> int: ...
-
-    def build(self, flat: FlatScene, threads: int) -> None: ...
-
-    def stages(self, features: SceneFeatures, real: Any) -> tuple[Any, Any]: ...
-
-
 class Renderer:
     """One scene, one set of resolved settings (every choice a `Choice`), one accelerator."""
 
-    def __init__(self, scene: Scene, settings: Settings, accelerator: Accelerator) -> None:
+    def __init__(self, scene: Scene, settings: Settings, accelerator: pipeline.Accelerator) -> None:
         self._wanted = settings
         self._scene = scene
         self._accelerator = accelerator
@@ -81,8 +61,8 @@ class Renderer:
         self._start_threads()
         self._control = np.zeros(3, np.int64)
         self._resize(scene)
-        self._stages: driver.Stages | None = None
-        self._ray_addresses: NDArray[np.int64] | None = None
+        self._stages: pipeline.Stages | None = None
+        self._ray_stages: pipeline.Stages | None = None
         self._batch_bytes = batch_bytes(self._real, accelerator.scratch)
         # of each thread: its ray batch, and behind it the one in which samples begin
         both = self._batch_bytes + batch_bytes(self._real, 0)
@@ -125,7 +105,7 @@ class Renderer:
         self._compile_seconds += compiled
         if self._wanted.size(scene) != (self.film.width, self.film.height):
             self._resize(scene)
-        self._scene, self._flat, self._stages, self._ray_addresses = scene, flat, None, None
+        self._scene, self._flat, self._stages, self._ray_stages = scene, flat, None, None
         self._lights_learned = not flat.features.light_cells
         self._flat.bind(SceneTable.margins, surface.margins(self._tracing))
         self._training = self._untrained()
@@ -176,7 +156,7 @@ class Renderer:
         self._flat.bind(SceneTable.points_stride, points.shape[1] + VERTEX_DRAWS)
         self._flat.bind(SceneTable.first_sample, first)
 
-    def _require_stages(self) -> driver.Stages:
+    def _require_stages(self) -> pipeline.Stages:
         """The stages, which the first call compiles or loads."""
         with self._preparing:
             if self._stages is None:
@@ -186,47 +166,27 @@ class Renderer:
             assert self._stages is not None
             return self._stages
 
-    def _ray_stages(self) -> NDArray[np.int64]:
+    def _require_ray_stages(self) -> pipeline.Stages:
         """The same of those that single rays need: the integrator's and its lights' are not among them."""
         with self._preparing:
-            if self._ray_addresses is None:
-                start, features, real = time.perf_counter(), self._flat.features, self._real
-                self._kept_for_rays = *self._accelerator.stages(features, real), surface.bare_stage(features, real)
-                self._ray_addresses = np.array([stage.address for stage in self._kept_for_rays], np.int64)
+            if self._ray_stages is None:
+                start = time.perf_counter()
+                self._ray_stages, self._kept_for_rays = pipeline.stages(pipeline.ray_table(self._subject()))
                 self._compile_seconds += time.perf_counter() - start
-            return self._ray_addresses
+            return self._ray_stages
+
+    def _subject(self) -> pipeline.Subject:
+        settings, camera_model = self.settings, self._scene.camera
+        return pipeline.Subject(
+            self._flat.features, settings.shader, settings.sampler, camera_model, self._accelerator, self._real
+        )
 
     def _compile(self) -> None:
         """Compiles or loads the driver, and the stages that the scene and its integrator need."""
-        features, real, lens = self._flat.features, self._real, isinstance(self._scene.camera, ThinLens)
-        integrator = shade.integrator_of(self.settings.shader)
-        shading = shade.shade_features(integrator, features)
-        uses, resampled = shade.uses(integrator, shading), shade.light_candidates(self.settings.shader) > 1
-        jobs: dict[tuple[str, ...], Any] = {  # fields of `driver.Stages`, and what makes them: the costly ones come first
-            ("shade",): lambda: [shade.stage(integrator, shading, features, real)],
-            ("surface",): lambda: [surface.stage(features, real)],
-            ("closest", "occluded"): lambda: self._accelerator.stages(features, real),
-            BSDFS: lambda: scattering.stages(features, uses, real),
-        }
-        if shading.lit:
-            jobs["light",] = lambda: [light.stage(features, shading.every, resampled, real)]
-        if features.programs and any(uses):
-            jobs["material",] = lambda: [material.stage(features, real)]
-        if features.guided:
-            jobs["guide", "mix"] = lambda: guiding.stages(features, shading.lit, real)
-        if features.transparent and shading.lit:
-            jobs["dark_surface", "transmit"] = lambda: (surface.dark_stage(features, real), transmit.stage(features, real))
-        jobs["draw_pixel", "draw_vertex"] = lambda: sampler.stages(self.settings.sampler, real, lens)
-        jobs["camera",] = lambda: [camera.stage(self._scene.camera, real)]
-        compile_jobs([self._compile_driver, *jobs.values()])
-        made = {names: job() for names, job in jobs.items()}
-        bsdfs = made.pop(BSDFS)
-        self._bsdfs = np.array([stage.address for stage in bsdfs], np.int64)
-        stages = {name: stage for names, several in made.items() for name, stage in zip(names, several, strict=True)}
-        self._kept = [*stages.values(), *bsdfs]  # machine code lives as long as its stage
-        self._stages = driver.Stages(**{name: stage.address for name, stage in stages.items()})
-        per_vertex = max(int(self._flat.table[SceneTable.n_lights.first]), 1) if shading.every else 1
-        self._plan = driver.Plan(shading.branches, per_vertex, shade.last_depth(self.settings.shader, features))
+        subject = self._subject()
+        compile_jobs([self._compile_driver, *pipeline.jobs(pipeline.table(subject))])
+        self._stages, self._kept = pipeline.stages(pipeline.table(subject))  # machine code lives as long as its stage
+        self._plan = pipeline.plan(subject, int(self._flat.table[SceneTable.n_lights.first]))
 
     # ---- rendering ---------------------------------------------------------------------------------------------------
 
@@ -302,11 +262,11 @@ class Renderer:
 
     def _drive_once(self, film: Film, tiles: NDArray[np.int32], done: NDArray[np.int64], target: int) -> int:
         stages = self._require_stages()  # before NEXT_TILE is set: compiling the driver takes a tile
-        bsdfs, plan = self._bsdfs, self._plan
+        plan = self._plan
         self._control[driver.NEXT_TILE] = self._control[driver.STACK_FULL] = 0
 
         def work(memory: NDArray[np.uint8], stack: NDArray[np.uint8]) -> NDArray[np.int64]:
-            return self._call_driver(stages, bsdfs, plan, film, tiles, done, target, memory, stack)
+            return self._call_driver(stages, plan, film, tiles, done, target, memory, stack)
 
         futures = [self._pool.submit(work, *parts) for parts in zip(self._memory, self._stacks, strict=True)]
         try:
@@ -320,9 +280,8 @@ class Renderer:
 
     def _call_driver(
         self,
-        stages: driver.Stages,
-        bsdfs: NDArray[np.int64],
-        plan: driver.Plan,
+        stages: pipeline.Stages,
+        plan: pipeline.Plan,
         film: Film,
         tiles: NDArray[np.int32],
         done: NDArray[np.int64],
@@ -331,14 +290,13 @@ class Renderer:
         stack: NDArray[np.uint8],
     ) -> NDArray[np.int64]:
         """What one thread does; returns the driver's totals."""
-        shadows = aligned(self._batch_bytes if stages.transmit else 0)
+        shadows = aligned(self._batch_bytes if plan.null_lobes else 0)
         totals = np.zeros(2, np.int64)
         buffer = np.empty(3 * CHUNK * driver.TILE**2, self._real)
-        records = records_of(CHUNK * driver.TILE**2 if stages.guide else 0, self._guide_totals(), self._real)
+        records = records_of(CHUNK * driver.TILE**2 if plan.guided else 0, self._guide_totals(), self._real)
         sums = [array.reshape(-1) for array in (film.sums, film.squares, film.even_sums)]
         driver.driver(self._real)(
             stages,
-            bsdfs,
             memory.ctypes.data,
             memory.ctypes.data + self._batch_bytes,
             shadows.ctypes.data,
@@ -362,9 +320,8 @@ class Renderer:
 
     def _compile_driver(self) -> None:
         """Compiles or loads the driver, by a call without tiles."""
-        stages, bsdfs, plan = driver.Stages(), np.zeros(0, np.int64), driver.Plan(False, 1, 0)
         nothing = self._tiles[:0], self._done[:0], 0
-        self._call_driver(stages, bsdfs, plan, self.film, *nothing, self._memory[0], self._stacks[0])
+        self._call_driver(pipeline.Stages(), pipeline.Plan(), self.film, *nothing, self._memory[0], self._stacks[0])
 
     def _count(self, rays: int) -> None:
         with self._counting:
@@ -426,7 +383,7 @@ class Renderer:
     def _share(self, kernel: Any, n: int, o: Reals, d: Reals, t_max: Reals, outputs: tuple[Any, ...]) -> int:
         """Runs `kernel` over n rays, a stretch a thread, in memory of this call's own, as a render may be under way;
         returns how many of the rays were traced."""
-        stages, scene, center = self._ray_stages(), self._flat.address, self._flat.center
+        stages, scene, center = self._require_ray_stages(), self._flat.address, self._flat.center
         threads = self.settings.threads if n >= SHARED_RAYS else 1
         edges = [n * k // threads // LANES * LANES for k in range(threads)] + [n]
 
@@ -446,6 +403,3 @@ class Renderer:
             "scene_bytes": self._flat.bytes,
             "bad_samples": self.film.bad_samples,
         }
-
-
-__all__ = ["Accelerator", "Choice", "Renderer"]

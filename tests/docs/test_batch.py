@@ -56,5 +56,13 @@ def test_the_light_stage_writes_nothing_that_the_hit_consists_of(writers):
 def test_what_a_stage_keeps_for_itself_no_other_writes(writers):
     """All but the state of a path, which several stages move on, and what intersectors and the driver fill."""
     own = {path for path, by in writers.items() if len(by) == 1}
-    for path in ("hit_row", "formula_row", "light_row", "light_primitive", "environment_place", "missed_place", "coordinates"):
+    for path in (
+        "primitive_row",
+        "formula_row",
+        "light_row",
+        "light_primitive",
+        "environment_place",
+        "missed_place",
+        "coordinates",
+    ):
         assert path in own

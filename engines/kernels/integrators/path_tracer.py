@@ -5,7 +5,7 @@ from __future__ import annotations
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import select
 from engines.kernels.integrators.interface import MAX_DEPTH, Integrator, ScatterResult, Uses
-from engines.kernels.lane.sampling import power_heuristic
+from engines.kernels.lane.sampling import is_delta, power_heuristic
 from engines.kernels.lane.vector import BLACK, dot, largest
 
 LIGHT_ONLY, BSDF_ONLY, MIS = 0, 1, 2
@@ -22,7 +22,7 @@ def _path_step(si, light, bsdf, draws, path, options, crosses):
 
     # emission: what the light strategy would have found too counts for less
     unlisted = si.light_pdf <= 0.0
-    only = select(unlisted | (path.pdf > 3e38), 1.0, 0.0)
+    only = select(unlisted | is_delta(path.pdf), 1.0, 0.0)
     w = select(use_light, only, select(use_bsdf, 1.0, power_heuristic(path.pdf, si.light_pdf)))
     radiance = path.throughput * si.emission * w
 
@@ -31,7 +31,7 @@ def _path_step(si, light, bsdf, draws, path, options, crosses):
 
     # direct light
     w = power_heuristic(light.pdf, bsdf.pdf)
-    w = select(use_light, 1.0, select(use_bsdf, select(light.pdf > 3e38, 1.0, 0.0), w))
+    w = select(use_light, 1.0, select(use_bsdf, select(is_delta(light.pdf), 1.0, 0.0), w))
     value = bsdf.value
     side = dot(si.geometric_normal, light.wi)
     lit = goes_on & (value.scale > 0.0) & (select(bsdf.through, -side, side) > 0.0) & (light.pdf > 0.0)

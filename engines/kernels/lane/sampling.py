@@ -1,4 +1,4 @@
-"""Sampling of directions, and the power heuristic."""
+"""Sampling of directions, their pdfs, and the power heuristic."""
 
 from __future__ import annotations
 
@@ -24,6 +24,12 @@ def cosine_pdf(n, w):
     """Per solid angle, of the unit direction `w` around the normal `n`; 0 below the surface."""
     cos = dot(n, w)
     return select(cos > 0.0, cos, 0.0) * (1.0 / math.pi)
+
+
+@inline
+def is_delta(pdf):
+    """Whether a pdf is that of a delta distribution, which is infinite."""
+    return pdf > 3e38
 
 
 @inline

@@ -21,11 +21,11 @@ from engines.kernels.features import SceneFeatures, per_features
 from engines.kernels.flatten.materials import MODELS
 from engines.kernels.integrators.interface import MAX_DEPTH
 from engines.kernels.lane.elementary import arctan2
+from engines.kernels.lane.sampling import is_delta
 from engines.kernels.lane.vector import Vec3, dot, largest, sin_cos_turn
-from engines.kernels.layout import DIRECTION_U0, DIRECTION_U1, LANES, LOBE, ray_batch, scene_table
+from engines.kernels.layout import DIRECTION_U0, DIRECTION_U1, LANES, LOBE, SURFACE, ray_batch, scene_table
 from engines.sd_tree import MOST_RECORDS
 
-HUGE = 3e38
 _inner = lanes_where(">=", 0)
 """The word of the lanes whose walk through a tree has not ended."""
 
@@ -182,7 +182,7 @@ def scattering_lanes(rays, max_depth):
     """The word of the lanes whose path goes on from a surface."""
     lanes = np.int64(0)
     for lane in range(np.uint64(LANES)):
-        scatters = rays.alive[lane] & (not rays.hit.miss[lane]) & (np.int64(rays.path.depth[lane]) < max_depth)
+        scatters = rays.alive[lane] & (rays.hit.kind[lane] == SURFACE) & (np.int64(rays.path.depth[lane]) < max_depth)
         lanes |= lane_bit(lane, scatters)
     return lanes
 
@@ -223,8 +223,7 @@ def _make_choose(features: SceneFeatures, real: Any) -> Any:
 
 
 def _make_mix(masks: bool, lit: bool, real: Any) -> Any:
-    zero, one, huge = real(0), real(1), real(HUGE)
-
+    zero, one = real(0), real(1)
     look_up, clamped = _make_look_up(real), _make_clamped(real)
 
     def mix(batch, scene_address):
@@ -244,7 +243,7 @@ def _make_mix(masks: bool, lit: bool, real: Any) -> Any:
                 rays.scatter.pdf[lane] = share * rays.scatter.pdf[lane] + by_tree
         for lane in range(np.uint64(LANES)):
             sample = rays.scatter.sample[lane]
-            asked = has_lane(lanes, lane) & sample.valid & (sample.pdf <= huge)
+            asked = has_lane(lanes, lane) & sample.valid & (not is_delta(sample.pdf))
             x, y = _place_of(sample.wi)
             rays.guide.x[lane], rays.guide.y[lane] = clamped(x), clamped(y)
             rays.guide.node[lane] = select(asked, np.int32(rays.guide.leaf[lane]), np.int32(-1))
@@ -253,7 +252,7 @@ def _make_mix(masks: bool, lit: bool, real: Any) -> Any:
             share, sample = rays.guide.bsdf_share[lane], rays.scatter.sample[lane]
             pdf = sample.pdf
             opacity = rays.wrapped.opacity[lane] if masks else one
-            specular, mixed = pdf > huge, share * pdf + (one - share) * opacity * rays.guide.pdf[lane]
+            specular, mixed = is_delta(pdf), share * pdf + (one - share) * opacity * rays.guide.pdf[lane]
             by_bsdf = select(specular, one / share, pdf / mixed)
             factor = select(rays.guide.by_tree[lane], one / mixed, by_bsdf)
             ratio = select(specular, one, select(pdf > zero, mixed / pdf, one))
@@ -277,16 +276,13 @@ def _make_mix(masks: bool, lit: bool, real: Any) -> Any:
 # ---- stages ------------------------------------------------------------------------------------------------------------
 
 
-def stages(features: SceneFeatures, lit: bool, real: Any) -> tuple[Any, Any]:
-    """(choose, mix): the stages before and behind those of the BSDFs."""
-    return (_choose_stage(features, real), _mix_stage(features.masks, lit, real))
-
-
 @per_features
-def _choose_stage(features: SceneFeatures, real: Any) -> Any:
+def choose_stage(features: SceneFeatures, real: Any) -> Any:
+    """The stage before those of the BSDFs."""
     return compile_stage(_make_choose(features, real))
 
 
 @cache
-def _mix_stage(masks: bool, lit: bool, real: Any) -> Any:
+def mix_stage(masks: bool, lit: bool, real: Any) -> Any:
+    """The stage behind those of the BSDFs."""
     return compile_stage(_make_mix(masks, lit, real))

@@ -122,8 +122,7 @@ def make_prefetch(features: SceneFeatures, real: Any) -> Any:
     def rows(rays, scene):
         for lane in range(np.uint64(LANES)):
             keep_scalar()
-            index = max(np.int64(rays.primitive[lane]), 0)
-            rays.hit_row[lane] = index
+            index = np.int64(rays.primitive_row[lane])
             prefetch(address_of(scene.primitives[index]))
             if not mixed:
                 prefetch(address_of(scene.triangles[index]))
@@ -132,9 +131,9 @@ def make_prefetch(features: SceneFeatures, real: Any) -> Any:
     def triangles(rays, scene):
         for lane in range(np.uint64(LANES)):
             keep_scalar()
-            row = scene.primitives[np.int64(rays.hit_row[lane])]
+            row = scene.primitives[np.int64(rays.primitive_row[lane])]
             index = select(row.shape == TRIANGLE, np.int64(row.index), np.int64(0))
-            rays.hit_row[lane] = index
+            rays.shape_row[lane] = index
             prefetch(address_of(scene.triangles[index]))
 
     @inline
@@ -152,7 +151,7 @@ def make_prefetch(features: SceneFeatures, real: Any) -> Any:
             triangles(rays, scene)
         for lane in range(np.uint64(LANES)):
             keep_scalar()
-            row = scene.triangles[np.int64(rays.hit_row[lane])]
+            row = scene.triangles[np.int64(rays.shape_row[lane])]
             vertex(scene, row.a)
             vertex(scene, row.b)
             vertex(scene, row.c)
@@ -204,21 +203,21 @@ def _make_load_shapes(features: SceneFeatures, real: Any) -> Any:
     def load(rays, scene, kinds):
         if triangles and kinds.triangles != 0:
             for lane in range(np.uint64(LANES)):
-                rays.face.corner0[lane] = select(rays.hit.shape[lane] == TRIANGLE, rays.hit_row[lane], np.int32(0))
+                rays.face.corner0[lane] = select(rays.hit.shape[lane] == TRIANGLE, rays.shape_row[lane], np.int32(0))
             _load_face(rays, scene)
             if smooth:
                 _load_normals(rays, scene)
         if spheres and kinds.spheres != 0:
             for lane in range(np.uint64(LANES)):
-                rays.formula_row[lane] = select(rays.hit.shape[lane] == SPHERE, rays.hit_row[lane], np.int32(0))
+                rays.formula_row[lane] = select(rays.hit.shape[lane] == SPHERE, rays.shape_row[lane], np.int32(0))
             load_sphere(rays, address_of(scene.spheres), kinds.spheres)
         if planes and kinds.planes != 0:
             for lane in range(np.uint64(LANES)):
-                rays.formula_row[lane] = select(rays.hit.shape[lane] == PLANE, rays.hit_row[lane], np.int32(0))
+                rays.formula_row[lane] = select(rays.hit.shape[lane] == PLANE, rays.shape_row[lane], np.int32(0))
             load_plane(rays, address_of(scene.planes), kinds.planes)
         if analytic and kinds.analytic != 0:
             for lane in range(np.uint64(LANES)):
-                rays.formula_row[lane] = select(rays.hit.shape[lane] > PLANE, rays.hit_row[lane], np.int32(0))
+                rays.formula_row[lane] = select(rays.hit.shape[lane] > PLANE, rays.shape_row[lane], np.int32(0))
             load_analytic(rays, address_of(scene.analytic), kinds.analytic)
 
     return load
@@ -261,11 +260,11 @@ def _make_load_primitives(features: SceneFeatures) -> Any:
     """The function (rays, scene) that copies kind, index, material and light of each lane's primitive, whose id is kept. Where
     there are triangles alone, their indices are their ids: one cache miss less."""
     several = features.spheres or features.planes or len(features.analytic) > 0
-    wanted = [("shape", "hit.shape"), ("index", "hit_row")] if several else []
+    wanted = [("shape", "hit.shape"), ("index", "shape_row")] if several else []
     if features.bsdfs or features.emission:
         wanted += [("material", "material"), ("light", "emitter")]
     columns = tuple(PrimitiveRow.fields[column].first for column, _ in wanted)
-    load_rows = make_load_rows("hit_row", PrimitiveRow, columns, tuple(lane_number(name) for _, name in wanted))
+    load_rows = make_load_rows("primitive_row", PrimitiveRow, columns, tuple(lane_number(name) for _, name in wanted))
 
     @inline
     def load(rays, scene):
@@ -279,7 +278,9 @@ def _keep_ids(rays):
     """Keeps the id of each lane's primitive, 0 where there is none; returns the lanes that have one."""
     for lane in range(np.uint64(LANES)):
         primitive = rays.primitive[lane]
-        rays.hit_row[lane] = select(primitive < 0, np.int32(0), primitive)
+        row = select(primitive < 0, np.int32(0), primitive)
+        rays.primitive_row[lane] = row
+        rays.shape_row[lane] = row  # where there are triangles alone
         rays.hit.shape[lane] = TRIANGLE
     return _not_negative(rays.primitive)
 
@@ -291,7 +292,7 @@ def _make_load_lights(features: SceneFeatures, real: Any) -> Any:
     weighted, inverse_pmf = chooses_by_weight(features), _make_inverse_pmf(features, real)
     first, own = LightRow.fields["parameters"].first, lane_number("emitter_parameters")
     columns = tuple(range(first, first + parameters))
-    load_rows = make_load_rows("hit_row", LightRow, columns, tuple(range(own, own + parameters)))
+    load_rows = make_load_rows("emitter_row", LightRow, columns, tuple(range(own, own + parameters)))
 
     @inline
     def load(rays, scene, hits):
@@ -303,7 +304,7 @@ def _make_load_lights(features: SceneFeatures, real: Any) -> Any:
                 rays.emitter_inverse_pmf[lane] = inverse_pmf(rays, lane, scene, rays.emitter[lane])
         for lane in range(np.uint64(LANES)):
             light = rays.emitter[lane]
-            rays.hit_row[lane] = select(light < 0, np.int32(0), light)
+            rays.emitter_row[lane] = select(light < 0, np.int32(0), light)
         load_rows(rays, address_of(scene.lights), EVERY_LANE)
 
     return load
@@ -326,7 +327,6 @@ def make_load_hit(features: SceneFeatures, real: Any) -> Any:
             return Kinds(hits, hits, hits, hits, hits)
         if triangles and scene.n_triangles > NEAR_TRIANGLES:
             prefetch_triangles(rays, scene)
-            _keep_ids(rays)
         load_primitives(rays, scene)
         kinds = find_kinds(rays, hits)
         load_shapes(rays, scene, kinds)

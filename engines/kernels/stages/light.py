@@ -17,7 +17,7 @@ from engines.kernels.flatten.lights import IMAGE_ENVIRONMENT, MESH, MODELS
 from engines.kernels.integrators.path_tracer import LIGHT_CANDIDATES
 from engines.kernels.lane.lights import Light, LightSample
 from engines.kernels.lane.vector import Vec3, to_real
-from engines.kernels.layout import LANES, LIGHT, POINT_U0, POINT_U1, ray_batch, scene_table
+from engines.kernels.layout import LANES, LIGHT, POINT_U0, POINT_U1, SURFACE, ray_batch, scene_table
 from engines.kernels.rows import LightRow, MaterialRow, PrimitiveRow
 from engines.kernels.stages import emission, environment, light_cells, light_hierarchy, resampling
 from engines.kernels.stages.hit_loads import lane_number, make_load_face, make_load_rows
@@ -217,7 +217,7 @@ def _lanes_on_environment(rays):
     """A word with a bit for each lane that has chosen the environment and is on a surface."""
     lanes = np.int64(0)
     for lane in range(np.uint64(LANES)):
-        chosen = (rays.light_kind[lane] == IMAGE_ENVIRONMENT) & rays.alive[lane] & (not rays.hit.miss[lane])
+        chosen = (rays.light_kind[lane] == IMAGE_ENVIRONMENT) & rays.alive[lane] & (rays.hit.kind[lane] == SURFACE)
         lanes |= lane_bit(lane, chosen)
     return lanes
 

@@ -16,7 +16,7 @@ from engines.kernels.compile.simd import load8, splat
 from engines.kernels.compile.values import lowest_bit, select
 from engines.kernels.flatten.light_samplers import NODE_NUMBERS
 from engines.kernels.integrators.interface import MAX_DEPTH
-from engines.kernels.layout import LANES, LIGHT
+from engines.kernels.layout import LANES, LIGHT, SURFACE
 
 WIDTH = 8
 
@@ -109,7 +109,7 @@ def _start(rays, scene, lane):
     no light has -1."""
     light, parts, goes = np.int64(-1), scene.light_parts, False
     rays.light_inverse_pmf[lane] = np.inf
-    if rays.alive[lane] and not rays.hit.miss[lane] and rays.path.depth[lane] < scene.options[MAX_DEPTH]:
+    if rays.alive[lane] and rays.hit.kind[lane] == SURFACE and rays.path.depth[lane] < scene.options[MAX_DEPTH]:
         scaled = np.float64(rays.draw[LIGHT, lane]) * parts
         part = max(min(np.int64(scaled), parts - 1), 0)
         goes = part >= scene.n_unbounded_lights

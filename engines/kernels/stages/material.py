@@ -25,7 +25,7 @@ from engines.kernels.lane.shapes import plane, sphere, triangle
 from engines.kernels.lane.shapes.coordinates import Coordinates
 from engines.kernels.lane.shapes.triangle import VertexUV
 from engines.kernels.lane.vector import Vec3, dot, to_float64
-from engines.kernels.layout import LANES, LOBE, ray_batch, scene_table
+from engines.kernels.layout import LANES, LOBE, SURFACE, ray_batch, scene_table
 from engines.kernels.rows import BSDF_PARAMETERS
 from engines.kernels.stages.textures import OnTriangle, color_at, gradient_at, luminance, make_color, prefetch_texels
 
@@ -252,7 +252,7 @@ def _lanes_with_program(rays, scene):
     """A word with a bit for each lane whose hit has a program, of which the first node is kept."""
     lanes = np.int64(0)
     for lane in range(np.uint64(LANES)):
-        if rays.alive[lane] and not rays.hit.miss[lane]:
+        if rays.alive[lane] and rays.hit.kind[lane] == SURFACE:
             first = scene.programs[scene.primitives[rays.primitive[lane]].material]
             rays.program[lane] = first
             lanes |= lane_bit(lane, first >= 0)

@@ -8,6 +8,7 @@ import numpy as np
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import select
 from engines.kernels.integrators.path_tracer import BSDF_ONLY, DIRECT_OPTION
+from engines.kernels.lane.sampling import is_delta
 from engines.kernels.lane.vector import Vec3, dot
 from engines.kernels.layout import LANES, LIGHT, ROULETTE
 
@@ -15,7 +16,6 @@ STEPS = (12664746, 9560334)
 """How far candidate k + 1 lies from candidate k in the numbers that place it on its light, in units of 2^-24."""
 PICK = ROULETTE
 """The draw that picks, which roulette reads as well."""
-HUGE = 3e38
 
 
 @inline
@@ -57,7 +57,7 @@ def store_targets(rays, scene, candidate, real):
         wi, li, pdf = rays.light_sample.wi[lane], rays.light_sample.radiance[lane], rays.light_sample.pdf[lane]
         luminance = 0.212671 * li.x + 0.715160 * li.y + 0.072169 * li.z
         reaches = (pdf > zero) & (through | (dot(rays.hit.geometric_normal[lane], wi) > zero))
-        reaches = reaches & ((not delta_only) | (pdf > HUGE))
+        reaches = reaches & ((not delta_only) | is_delta(pdf))
         rays.targets[candidate, lane] = select(reaches, luminance * abs(dot(rays.hit.normal[lane], wi)), zero)
 
 

@@ -33,14 +33,14 @@ from engines.kernels.lane.bsdf.interface import (
 )
 from engines.kernels.lane.tilt import is_consistent, terminator
 from engines.kernels.lane.vector import Vec3, dot
-from engines.kernels.layout import DIRECTION_U0, DIRECTION_U1, LANES, LOBE, ROULETTE, ray_batch, scene_table
+from engines.kernels.layout import DIRECTION_U0, DIRECTION_U1, LANES, LOBE, MISS, ROULETTE, ray_batch, scene_table
 
 
 @inline
 def load_interaction(rays, scene, lane):
     hit = rays.hit[lane]
     return SurfaceInteraction(
-        hit.miss,
+        hit.kind == MISS,
         rays.t[lane],
         hit.point,
         hit.normal,

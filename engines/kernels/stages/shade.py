@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.choices import Choice
+from engines.kernels.compile.dispatch import dispatch
 from engines.kernels.compile.jit import compile_stage, inline
 from engines.kernels.compile.values import const, select
 from engines.kernels.features import SceneFeatures
@@ -174,22 +175,20 @@ def _store_shadow_ray(rays, lane, si, light, direct, offset, share, working, sha
     rays.shadow.t_max[lane] = select(sent & shading.shadows, way, -1.0)
 
 
+@inline
+def _no_primitive():
+    return np.int64(-1)
+
+
 @cache
 def make_left(curved: tuple[int, ...]) -> Any:
     """The function (rays, lane) -> id of the flat primitive that the lane's ray leaves, -1 for none. (Of a sphere the id does
     no harm: nobody asks.)"""
-
-    @inline
-    def primitive(rays, lane):
-        return rays.primitive[lane]
-
-    if not curved:
-        return primitive
-    kind, flat = curved[0], make_left(curved[1:])
+    unless_curved = dispatch(tuple((kind, _no_primitive) for kind in curved))
 
     @inline
     def left(rays, lane):
-        return select(rays.hit.shape[lane] == kind, np.int64(-1), np.int64(flat(rays, lane)))
+        return unless_curved(rays.hit.shape[lane], np.int64(rays.primitive[lane]))
 
     return left
 

@@ -20,9 +20,8 @@ from engines.kernels.features import SceneFeatures, per_features
 from engines.kernels.flatten import lights
 from engines.kernels.flatten.shapes import PLANE, SPHERE, TRIANGLE, analytic_shape
 from engines.kernels.lane.shapes import plane, sphere, triangle
-from engines.kernels.lane.shapes.intersection import ShapeIntersection
 from engines.kernels.lane.vector import Vec3, dot, extent, largest, sin_cos_turn, to_float64
-from engines.kernels.layout import CAMERA_DIMENSIONS, LANES, ray_batch, scene_table
+from engines.kernels.layout import CAMERA_DIMENSIONS, LANES, MISS, SURFACE, ray_batch, scene_table
 from engines.kernels.rows import MarginRow
 from engines.kernels.stages import environment
 from engines.kernels.stages.emission import make_hits
@@ -52,32 +51,9 @@ def margins(tracing: Any) -> NDArray[np.float64]:
 
 
 @inline
-def _load_found(rays, lane, smooth, tangents, none):
-    """What `_keep_found` has kept."""
-    normal, shading, tangent = rays.hit.geometric_normal[lane], rays.hit.geometric_normal[lane], none
-    if smooth:
-        shading = rays.hit.normal[lane]
-    if tangents:
-        tangent = rays.hit.tangent[lane]
-    return ShapeIntersection(
-        rays.t[lane], rays.hit.offset[lane], rays.hit.u[lane], rays.hit.v[lane], rays.hit.point[lane], normal, shading, tangent
-    )
-
-
-@inline
-def _keep_found(rays, lane, own, found, smooth, tangents, none):
-    """Keeps an intersection in the fields of what it becomes, where `own` holds."""
-    found = select(own, found, _load_found(rays, lane, smooth, tangents, none))
-    rays.t[lane] = found.t
-    rays.hit.offset[lane] = found.scale
-    rays.hit.u[lane] = found.u
-    rays.hit.v[lane] = found.v
-    rays.hit.point[lane] = found.point
-    rays.hit.geometric_normal[lane] = found.normal
-    if smooth:
-        rays.hit.normal[lane] = found.shading_normal
-    if tangents:
-        rays.hit.tangent[lane] = found.tangent
+def _keep(rays, lane, own, found):
+    """Keeps an intersection where `own` holds."""
+    rays.found[lane] = select(own, found, rays.found[lane])
 
 
 @inline
@@ -99,33 +75,30 @@ def _on_triangle(rays, lane, o, d, smooth):
 def _make_meet(features: SceneFeatures, real: Any) -> Any:
     """The function (rays, kinds) that keeps where rays meet the primitives hit, kind by kind: most batches lack one."""
     triangles, smooth, spheres, planes = features.triangles, features.smooth, features.spheres, features.planes
-    has_analytic, tangents = len(features.analytic) > 0, features.tangents
     analytic = dispatch(tuple((kind, analytic_shape(kind).lane.intersection) for kind in features.analytic))
-    zero = real(0)
+    has_analytic = len(features.analytic) > 0
 
     @inline
     def meet(rays, kinds):
-        none = Vec3(zero, zero, zero)
         if triangles and kinds.triangles != 0:
             for lane in range(np.uint64(LANES)):
                 found = _on_triangle(rays, lane, rays.origin[lane], rays.direction[lane], smooth)
-                _keep_found(rays, lane, rays.hit.shape[lane] == TRIANGLE, found, smooth, tangents, none)
+                _keep(rays, lane, rays.hit.shape[lane] == TRIANGLE, found)
         if spheres and kinds.spheres != 0:
             for lane in range(np.uint64(LANES)):
                 x, y, z, radius, _, _, _ = lane_numbers(rays.shape_parameters, lane)
                 found = sphere.intersection(rays.origin[lane], rays.direction[lane], Vec3(x, y, z), radius, real)
-                _keep_found(rays, lane, rays.hit.shape[lane] == SPHERE, found, smooth, tangents, none)
+                _keep(rays, lane, rays.hit.shape[lane] == SPHERE, found)
         if planes and kinds.planes != 0:
             for lane in range(np.uint64(LANES)):
                 x, y, z, a, b, c, _ = lane_numbers(rays.shape_parameters, lane)
                 found = plane.intersection(rays.origin[lane], rays.direction[lane], Vec3(x, y, z), Vec3(a, b, c), real)
-                _keep_found(rays, lane, rays.hit.shape[lane] == PLANE, found, smooth, tangents, none)
+                _keep(rays, lane, rays.hit.shape[lane] == PLANE, found)
         if has_analytic and kinds.analytic != 0:
             for lane in range(np.uint64(LANES)):
                 kind, parameters = rays.hit.shape[lane], lane_numbers(rays.shape_parameters, lane)
-                found = _load_found(rays, lane, smooth, tangents, none)
-                found = analytic(kind, found, rays.origin[lane], rays.direction[lane], parameters, real)
-                _keep_found(rays, lane, True, found, smooth, tangents, none)
+                o, d = rays.origin[lane], rays.direction[lane]
+                rays.found[lane] = analytic(kind, rays.found[lane], o, d, parameters, real)
 
     return meet
 
@@ -141,7 +114,7 @@ def _store_interaction(rays, lane, found, o, d, miss, offset_scale, tangents):
     scale = select(start > scale, start, scale)
     scale = select(found.t > scale, found.t, scale)
     scale = select(found.scale > scale, found.scale, scale)
-    rays.hit.miss[lane] = miss
+    rays.hit.kind[lane] = select(miss, np.int32(MISS), np.int32(SURFACE))
     rays.hit.front[lane] = front
     rays.t[lane] = select(miss, math.inf, found.t)
     rays.hit.u[lane] = found.u
@@ -197,7 +170,7 @@ def _make(features: SceneFeatures, real: Any) -> Any:
 
     def surface(batch, scene_address):
         rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
-        kinds = load(rays, scene)  # before `meet`: it reads the last vertex, which is still in `hit`
+        kinds = load(rays, scene)
         if several:
             meet(rays, kinds)
         inverse_pmf = real(scene.n_lights)
@@ -211,7 +184,7 @@ def _make(features: SceneFeatures, real: Any) -> Any:
             environment_radiance = scene.environment_radiance[0]
         for lane in range(np.uint64(LANES)):
             o, d = rays.origin[lane], rays.direction[lane]
-            found = _load_found(rays, lane, smooth, tangents, none) if several else _on_triangle(rays, lane, o, d, smooth)
+            found = rays.found[lane] if several else _on_triangle(rays, lane, o, d, smooth)
             # a hit that the primitive itself does not confirm (Embree reports some on slivers) is none
             primitive = rays.primitive[lane]
             miss = (primitive < 0) | (not (found.t < real(np.inf)))
@@ -257,7 +230,8 @@ def _from_last_vertex(rays, lane, o, d, t, transparent):
 def _hide_environment(rays, none):
     """Where null lobes alone lie between it and the camera."""
     for lane in range(np.uint64(LANES)):
-        unseen = rays.hit.miss[lane] & ((rays.dimension[lane] == CAMERA_DIMENSIONS) | (not rays.crossing.scattered[lane]))
+        straight = (rays.dimension[lane] == CAMERA_DIMENSIONS) | (not rays.crossing.scattered[lane])
+        unseen = (rays.hit.kind[lane] == MISS) & straight
         rays.hit.emission[lane] = select(unseen, none, rays.hit.emission[lane])
 
 
@@ -266,7 +240,7 @@ def _image_environment(rays, scene, inverse_pmf, turned, real):
     """Radiance of the rays that miss, from the environment's image: prefetched, then read by scalar code."""
     lanes = np.int64(0)
     for lane in range(np.uint64(LANES)):
-        lanes |= lane_bit(lane, rays.hit.miss[lane] & rays.alive[lane])
+        lanes |= lane_bit(lane, (rays.hit.kind[lane] == MISS) & rays.alive[lane])
     if lanes == 0:
         return
     width, height, axes = scene.environment_width, scene.environment_height, scene.environment_map[0]

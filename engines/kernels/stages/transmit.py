@@ -15,7 +15,7 @@ import numpy as np
 
 from engines.kernels.compile.dispatch import dispatch
 from engines.kernels.compile.jit import compile_stage, inline
-from engines.kernels.compile.masks import EVERY_LANE, flagged_lanes
+from engines.kernels.compile.masks import lanes_where
 from engines.kernels.compile.records import lane_numbers
 from engines.kernels.compile.values import lowest_bit, select
 from engines.kernels.features import SceneFeatures, per_features
@@ -23,10 +23,12 @@ from engines.kernels.flatten.materials import transmittance_of
 from engines.kernels.flatten.programs import BLEND, BUMP, LEAF, MASK, SIDES, THROUGH
 from engines.kernels.lane import tilt
 from engines.kernels.lane.vector import Vec3, largest, length, to_float64, to_real
-from engines.kernels.layout import LANES, ray_batch, scene_table
+from engines.kernels.layout import LANES, SURFACE, ray_batch, scene_table
 from engines.kernels.rows import BSDF_PARAMETERS
 from engines.kernels.stages.material import coordinates_at, make_locate, make_look_up, make_share, tilted, triangle_point
 from engines.kernels.stages.shade import curved_shapes, make_left
+
+_on_surfaces = lanes_where("==", SURFACE)
 
 
 def _of_model(kinds: tuple[int, ...]) -> Any:
@@ -123,7 +125,7 @@ def _store_next_rays(rays, share, left, real):
     """The rays that go on, from the far side of what they have met to the same place; `t` is -1 of the others."""
     zero, infinite = real(0), real(math.inf)
     for lane in range(np.uint64(LANES)):
-        goes = (not rays.hit.miss[lane]) & (largest(rays.shadow.transmittance[lane]) > zero)
+        goes = (rays.hit.kind[lane] == SURFACE) & (largest(rays.shadow.transmittance[lane]) > zero)
         offset, endless = rays.hit.offset[lane], rays.shadow.t_max[lane] == infinite
         origin = rays.hit.point[lane] - rays.hit.geometric_normal[lane] * offset
         aim = rays.shadow.destination[lane] - origin
@@ -141,7 +143,7 @@ def _make(features: SceneFeatures, real: Any) -> Any:
 
     def transmit(batch, scene_address):
         rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
-        hits = EVERY_LANE & ~flagged_lanes(rays.hit.miss)
+        hits = _on_surfaces(rays.hit.kind)
         if programs and textures:
             locate(rays, scene, hits)
         while hits != 0:

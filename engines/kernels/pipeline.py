@@ -1,0 +1,152 @@
+"""The table of the stages: which ones a scene and its integrator need, in the order in which `driver` calls them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engines.choices import Choice
+from engines.kernels.compile.second_process import Job
+from engines.kernels.features import SceneFeatures
+from engines.kernels.flatten import FlatScene
+from engines.kernels.stages import camera, guiding, light, material, sampler, scattering, shade, surface, transmit
+from engines.scene import Camera, ThinLens
+
+SCATTERING = ("scattering",)
+COSTLY = ("shade", "surface", "closest", "scattering", "material")
+"""Fields of `Stages` that take longest to compile, the longest first."""
+
+
+class Stages(NamedTuple):
+    """Addresses of compiled stages, in the order of calls; 0 of those that are not needed."""
+
+    draw_pixel: int = 0
+    camera: int = 0
+    closest: int = 0
+    surface: int = 0
+    draw_vertex: int = 0
+    material: int = 0
+    """Where some material has wrappers or textures. It takes draws of the vertex."""
+    scattering: NDArray[np.int64] = np.zeros(0, np.int64)
+    """The light sample, and of BSDFs that have stages of their own what the integrator uses of them."""
+    shade: int = 0
+    occluded: int = 0
+    dark_surface: int = 0
+    """Where shadow rays cross null lobes, as `transmit`."""
+    transmit: int = 0
+
+
+class Plan(NamedTuple):
+    """What the driver does for a scene and its integrator, besides calling stages."""
+
+    branches: bool = False
+    """Two rays may follow from one hit."""
+    lit: bool = False
+    """There are lights to sample."""
+    null_lobes: bool = False
+    """Shadow rays cross null lobes."""
+    guided: bool = False
+    """Directions are sampled by an SD-tree as well, and recorded for it."""
+    per_vertex: int = 1
+    """Light samples at a vertex."""
+    last_depth: int = 0
+    """See `stages.shade.last_depth`."""
+
+
+class Accelerator(Protocol):
+    """What finds hits: builds its arrays into the flattened scene and gives the stages that walk them."""
+
+    name: str
+    scratch: int
+    precision: Any
+    """Scalar type in which it traces, or None for that of the batch."""
+    build_seconds: float
+
+    @property
+    def bytes(self) -> int: ...
+
+    def build(self, flat: FlatScene, threads: int) -> None: ...
+
+    def stages(self, features: SceneFeatures, real: Any) -> tuple[Any, Any]: ...
+
+
+class Subject(NamedTuple):
+    """What stages are compiled for."""
+
+    features: SceneFeatures
+    shader: Choice
+    sampler: Choice
+    camera: Camera
+    accelerator: Accelerator
+    real: Any
+
+    @property
+    def shading(self) -> shade.ShadeFeatures:
+        return shade.shade_features(shade.integrator_of(self.shader), self.features)
+
+
+Row = tuple[tuple[str, ...], Callable[[], Sequence[Any]]]
+"""Fields of `Stages`, and what compiles or loads a stage for each. Rows of `scattering` give any number of stages."""
+
+
+def table(of: Subject) -> Iterator[Row]:
+    """The stages that a scene and its integrator need, in the order of calls."""
+    features, shading, real = of.features, of.shading, of.real
+    integrator = shade.integrator_of(of.shader)
+    uses, resampled = shade.uses(integrator, shading), shade.light_candidates(of.shader) > 1
+    yield ("draw_pixel", "draw_vertex"), lambda: sampler.stages(of.sampler, real, isinstance(of.camera, ThinLens))
+    yield ("camera",), lambda: [camera.stage(of.camera, real)]
+    yield ("closest", "occluded"), lambda: of.accelerator.stages(features, real)
+    yield ("surface",), lambda: [surface.stage(features, real)]
+    if features.programs and any(uses):
+        yield ("material",), lambda: [material.stage(features, real)]
+    if shading.lit:
+        yield SCATTERING, lambda: [light.stage(features, shading.every, resampled, real)]
+    if features.guided:
+        yield SCATTERING, lambda: [guiding.choose_stage(features, real)]
+    yield SCATTERING, lambda: scattering.stages(features, uses, real)
+    if features.guided:
+        yield SCATTERING, lambda: [guiding.mix_stage(features.masks, shading.lit, real)]
+    yield ("shade",), lambda: [shade.stage(integrator, shading, features, real)]
+    if features.transparent and shading.lit:
+        yield ("dark_surface", "transmit"), lambda: (surface.dark_stage(features, real), transmit.stage(features, real))
+
+
+def ray_table(of: Subject) -> Iterator[Row]:
+    """The stages that single rays need."""
+    yield ("closest", "occluded"), lambda: of.accelerator.stages(of.features, of.real)
+    yield ("surface",), lambda: [surface.bare_stage(of.features, of.real)]
+
+
+def jobs(rows: Iterable[Row]) -> list[Job]:
+    """What compiles or loads the stages of a table, the costly ones first."""
+    return [make for _, make in sorted(rows, key=lambda row: COSTLY.index(row[0][0]) if row[0][0] in COSTLY else len(COSTLY))]
+
+
+def stages(rows: Iterable[Row]) -> tuple[Stages, list[Any]]:
+    """The stages of a table, compiled or loaded: (their addresses, what keeps their machine code alive)."""
+    addresses, several, kept = dict[str, int](), list[int](), list[Any]()
+    for fields, make in rows:
+        made = make()
+        kept += made
+        if fields == SCATTERING:
+            several += [stage.address for stage in made]
+        else:
+            addresses |= {field: stage.address for field, stage in zip(fields, made, strict=True)}
+    return Stages(**addresses, scattering=np.array(several, np.int64)), kept
+
+
+def plan(of: Subject, n_lights: int) -> Plan:
+    """The plan of a subject in a scene of so many listed lights."""
+    features, shading = of.features, of.shading
+    return Plan(
+        branches=shading.branches,
+        lit=shading.lit,
+        null_lobes=features.transparent and shading.lit,
+        guided=features.guided,
+        per_vertex=max(n_lights, 1) if shading.every else 1,
+        last_depth=shade.last_depth(of.shader, features),
+    )
