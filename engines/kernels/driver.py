@@ -1,9 +1,9 @@
 """The loop that drives ray batches through the stages, tile by tile (`queries` does so for single rays).
 
-    regenerate -> closest -> surface -> (draw -> material -> scattering -> shade -> occluded -> add direct light) -> finish
+    regenerate -> closest -> surface -> (draw -> material -> sampling -> shade -> occluded -> add direct light) -> finish
 
-What stands in brackets is repeated for each light by integrators that visit all, without the material. `pipeline` has the table
-of stages.
+Integrators that visit all lights repeat what stands in brackets for each light; the material is looked up once. `pipeline` has
+the table of stages.
 
 Where shadow rays cross null lobes, they have a third batch, in which closest, surface and transmit take the place of occluded.
 
@@ -54,13 +54,13 @@ def tiles(width: int, height: int) -> NDArray[np.int32]:
     return np.array([(x, y, min(TILE, width - x), min(TILE, height - y)) for x, y in places], np.int32)
 
 
-from_zero = lanes_where(">=", 0)
+_from_zero = lanes_where(">=", 0)
 
 
 @inline
 def make_idle(rays, lane, sample):
     """A lane without work still runs through the stages: give it a ray that is not traced. Stages look up tables
-    by sample and dimension (which follows from the depth), so both must exist."""
+    by sample and dimension, so both must exist."""
     rays.alive[lane] = False
     rays.sample[lane] = sample
     rays.dimension[lane] = 0
@@ -103,6 +103,7 @@ def _pop(rays, stacks, lane, per_vertex):
     rays.origin[lane] = top.origin[lane]
     rays.direction[lane] = top.direction[lane]
     rays.path.throughput[lane] = top.throughput[lane]
+    rays.path.pdf[lane] = math.inf
     depth = top.depth[lane]
     rays.path.depth[lane] = depth
     rays.origin_primitive[lane] = top.origin_primitive[lane]
@@ -262,13 +263,13 @@ def _advance(rays, stages, batch, shadows, scene, plan, records, real):
             call_stage(stages.draw_vertex, batch, scene)
             if k == 0 and stages.material != 0:
                 call_stage(stages.material, batch, scene)
-            for stage in stages.scattering:
+            for stage in stages.sampling:
                 call_stage(stage, batch, scene)
         call_stage(stages.shade, batch, scene)
         if plan.lit:
             traced += _trace_shadow_rays(rays, stages, batch, shadows, scene, plan.null_lobes, real)
     if plan.guided and scatters:
-        keep_records(rays, from_zero(rays.recorded.vertex), records)
+        keep_records(rays, _from_zero(rays.recorded.vertex), records)
     return traced
 
 

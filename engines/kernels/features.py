@@ -75,6 +75,11 @@ class SceneFeatures(NamedTuple):
     guided: bool = False
     """Directions are sampled by an SD-tree as well: the integrator's `guiding`."""
 
+    @property
+    def other_shapes(self) -> bool:
+        """There are other shapes than triangles."""
+        return self.spheres or self.planes or len(self.analytic) > 0
+
 
 class FeatureReader:
     """Features that note which of them are read."""

@@ -70,17 +70,20 @@ VERTEX_DRAWS = 7
 MOST_LIGHT_CANDIDATES = 32
 """Light samples at a vertex of which one is taken, at most."""
 VERTEX_DIMENSIONS = 8
-"""Dimensions from the first of a vertex to the first of the next; the last one is not drawn."""
+"""Dimensions from the first of a vertex to the first of the next. No vertex draws the last one; a thin lens takes those of the
+first two vertices."""
 MOST_NULL_LOBES = 1024
 """Null lobes that a path or a shadow ray crosses at most: rounding must not hold a ray for ever."""
 CAMERA_DIMENSIONS = 2
 """Dimensions before the first vertex: the place in the pixel."""
 MISS, SURFACE = range(2)
-"""What a path has met: see `Hit.kind`."""
+"""What a ray has met."""
 
 
 class Hit(NamedTuple):
-    """The vertex that a path has met. Of a miss, `emission` is the environment's, and `t` of the ray is infinite."""
+    """What a ray has met. Where that is nothing, `emission` is the environment's, and `t` of the ray is infinite.
+
+    Until the surface stage stores it, `point` and `geometric_normal` are those of the last vertex, where the ray starts."""
 
     kind: int
     """MISS or SURFACE."""
@@ -207,17 +210,18 @@ class Recorded(NamedTuple):
 class RayBatch(LaneRecord):
     """Sixteen lanes, field by field. Behind the fields lies scratch memory for intersectors."""
 
-    # the path: `copy_paths` copies all fields down to `waiting` from the batch in which the camera begins samples; what lies
-    # below is written before it is read (of `crossing`, shade knows the first ray of a sample by its dimension)
+    # the path: `copy_paths` copies all fields down to `waiting` from the batch in which the camera begins samples. Of what lies
+    # below, nothing counts that has not been written for this vertex (of `crossing`: for this sample, whose first ray is known
+    # by its dimension)
     alive = flag()  # the lane has a sample in flight
     slot = integer()  # where in the tile's buffer the radiance goes
     pixel = integer()  # y * width + x
     sample = integer()  # index of the sample
-    dimension = integer()  # first dimension of the next draws
+    dimension = integer()  # first dimension of the next draws; it counts rays where null lobes are crossed
     origin = vector()
     direction = vector()
     t = real()  # in: t_max, not above 0 for a lane without a ray; out: distance of the hit
-    origin_primitive = integer()  # id of the flat primitive that the ray and the vertex's shadow ray leave, -1 for none
+    origin_primitive = integer()  # id of the primitive that the ray and the shadow ray leave, and do not meet; -1 for none
     path = record(Path)
     radiance = vector()
     cosine_pdf = real()  # of the last direction under the cosine rule
@@ -242,7 +246,6 @@ class RayBatch(LaneRecord):
     formula_row = integer()  # of a shape that is no triangle
     face = record(Face)
     vertex_normal0, vertex_normal1, vertex_normal2 = vector(), vector(), vector()
-    found = record(ShapeIntersection)  # in scenes with shapes of several kinds
     shape_parameters = doubles(SHAPE_PARAMETERS)
     material = integer()
     two_sided = real()  # 1 or 0
@@ -250,6 +253,8 @@ class RayBatch(LaneRecord):
     emitter_row = integer()  # the same, 0 for none
     emitter_parameters = reals(LIGHT_PARAMETERS)
     emitter_inverse_pmf = real()  # 1 / the probability with which it would be chosen, where that differs between lights
+
+    found = record(ShapeIntersection)  # where the ray meets its shape, in scenes with other shapes than triangles
 
     # what the light stage loads of the light that it samples
     chosen_light = integer()  # its index, -1 for none
@@ -280,7 +285,7 @@ class RayBatch(LaneRecord):
     shadow = record(ShadowRay)  # as the shade stage leaves it; `occluded` is the intersector's
     branch = record(Branch)
 
-    # scratch of intersectors: the ray's shear
+    # scratch of intersectors that test lists
     shear_x = vector()
     shear_y = vector()
     shear_z = vector()
@@ -329,6 +334,7 @@ class SceneTable(Table):
     n_planes = scalar()
     n_analytic = scalar()
     n_lights = scalar()
+    light_choices = scalar()  # the lights of which one is chosen: all, or 1 where the integrator visits each
     n_unbounded_lights = scalar()
     light_parts = scalar()  # lights without a box, and one more for the hierarchy
     light_steps = scalar()  # of a bisection among the faces of a light

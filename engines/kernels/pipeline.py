@@ -1,4 +1,4 @@
-"""The table of the stages: which ones a scene and its integrator need, in the order in which `driver` calls them."""
+"""The table of the stages: which ones a scene and its integrator need, and what compiles them. `driver` calls them."""
 
 from __future__ import annotations
 
@@ -15,9 +15,7 @@ from engines.kernels.flatten import FlatScene
 from engines.kernels.stages import camera, guiding, light, material, sampler, scattering, shade, surface, transmit
 from engines.scene import Camera, ThinLens
 
-SCATTERING = ("scattering",)
-COSTLY = ("shade", "surface", "closest", "scattering", "material")
-"""Fields of `Stages` that take longest to compile, the longest first."""
+SAMPLING = ("sampling",)
 
 
 class Stages(NamedTuple):
@@ -30,8 +28,8 @@ class Stages(NamedTuple):
     draw_vertex: int = 0
     material: int = 0
     """Where some material has wrappers or textures. It takes draws of the vertex."""
-    scattering: NDArray[np.int64] = np.zeros(0, np.int64)
-    """The light sample, and of BSDFs that have stages of their own what the integrator uses of them."""
+    sampling: NDArray[np.int64] = np.zeros(0, np.int64)
+    """The light sample; the BSDFs, where they have stages of their own; around them, the two stages of guided paths."""
     shade: int = 0
     occluded: int = 0
     dark_surface: int = 0
@@ -84,59 +82,71 @@ class Subject(NamedTuple):
     real: Any
 
     @property
+    def null_lobes(self) -> bool:
+        """Shadow rays cross null lobes."""
+        return self.features.transparent and self.shading.lit
+
+    @property
     def shading(self) -> shade.ShadeFeatures:
         return shade.shade_features(shade.integrator_of(self.shader), self.features)
 
 
-Row = tuple[tuple[str, ...], Callable[[], Sequence[Any]]]
-"""Fields of `Stages`, and what compiles or loads a stage for each. Rows of `scattering` give any number of stages."""
+class Row(NamedTuple):
+    """Stages that are made together."""
+
+    fields: tuple[str, ...]
+    """Of `Stages`, one for each stage; rows of `sampling` have any number of stages, which are called in this order."""
+    make: Callable[[], Sequence[Any]]
+    """Compiles or loads the stages."""
+    cost: int = 0
+    """Rows of a higher cost are compiled before others."""
 
 
 def table(of: Subject) -> Iterator[Row]:
-    """The stages that a scene and its integrator need, in the order of calls."""
+    """The stages that a scene and its integrator need."""
     features, shading, real = of.features, of.shading, of.real
     integrator = shade.integrator_of(of.shader)
     uses, resampled = shade.uses(integrator, shading), shade.light_candidates(of.shader) > 1
-    yield ("draw_pixel", "draw_vertex"), lambda: sampler.stages(of.sampler, real, isinstance(of.camera, ThinLens))
-    yield ("camera",), lambda: [camera.stage(of.camera, real)]
-    yield ("closest", "occluded"), lambda: of.accelerator.stages(features, real)
-    yield ("surface",), lambda: [surface.stage(features, real)]
+    yield Row(("draw_pixel", "draw_vertex"), lambda: sampler.stages(of.sampler, real, isinstance(of.camera, ThinLens)))
+    yield Row(("camera",), lambda: [camera.stage(of.camera, real)])
+    yield Row(("closest", "occluded"), lambda: of.accelerator.stages(features, real), 7)
+    yield Row(("surface",), lambda: [surface.stage(features, real)], 8)
     if features.programs and any(uses):
-        yield ("material",), lambda: [material.stage(features, real)]
+        yield Row(("material",), lambda: [material.stage(features, real)], 4)
     if shading.lit:
-        yield SCATTERING, lambda: [light.stage(features, shading.every, resampled, real)]
+        yield Row(SAMPLING, lambda: [light.stage(features, shading.every, resampled, real)], 5)
     if features.guided:
-        yield SCATTERING, lambda: [guiding.choose_stage(features, real)]
-    yield SCATTERING, lambda: scattering.stages(features, uses, real)
+        yield Row(SAMPLING, lambda: [guiding.choose_stage(features, real)], 3)
+    yield Row(SAMPLING, lambda: scattering.stages(features, uses, real), 6)
     if features.guided:
-        yield SCATTERING, lambda: [guiding.mix_stage(features.masks, shading.lit, real)]
-    yield ("shade",), lambda: [shade.stage(integrator, shading, features, real)]
-    if features.transparent and shading.lit:
-        yield ("dark_surface", "transmit"), lambda: (surface.dark_stage(features, real), transmit.stage(features, real))
+        yield Row(SAMPLING, lambda: [guiding.mix_stage(features.masks, shading.lit, real)], 3)
+    yield Row(("shade",), lambda: [shade.stage(integrator, shading, features, real)], 9)
+    if of.null_lobes:
+        yield Row(("dark_surface", "transmit"), lambda: (surface.dark_stage(features, real), transmit.stage(features, real)), 3)
 
 
 def ray_table(of: Subject) -> Iterator[Row]:
     """The stages that single rays need."""
-    yield ("closest", "occluded"), lambda: of.accelerator.stages(of.features, of.real)
-    yield ("surface",), lambda: [surface.bare_stage(of.features, of.real)]
+    yield Row(("closest", "occluded"), lambda: of.accelerator.stages(of.features, of.real))
+    yield Row(("surface",), lambda: [surface.bare_stage(of.features, of.real)])
 
 
 def jobs(rows: Iterable[Row]) -> list[Job]:
     """What compiles or loads the stages of a table, the costly ones first."""
-    return [make for _, make in sorted(rows, key=lambda row: COSTLY.index(row[0][0]) if row[0][0] in COSTLY else len(COSTLY))]
+    return [row.make for row in sorted(rows, key=lambda row: row.cost, reverse=True)]
 
 
 def stages(rows: Iterable[Row]) -> tuple[Stages, list[Any]]:
     """The stages of a table, compiled or loaded: (their addresses, what keeps their machine code alive)."""
     addresses, several, kept = dict[str, int](), list[int](), list[Any]()
-    for fields, make in rows:
-        made = make()
+    for row in rows:
+        made = row.make()
         kept += made
-        if fields == SCATTERING:
+        if row.fields == SAMPLING:
             several += [stage.address for stage in made]
         else:
-            addresses |= {field: stage.address for field, stage in zip(fields, made, strict=True)}
-    return Stages(**addresses, scattering=np.array(several, np.int64)), kept
+            addresses |= {field: stage.address for field, stage in zip(row.fields, made, strict=True)}
+    return Stages(**addresses, sampling=np.array(several, np.int64)), kept
 
 
 def plan(of: Subject, n_lights: int) -> Plan:
@@ -145,7 +155,7 @@ def plan(of: Subject, n_lights: int) -> Plan:
     return Plan(
         branches=shading.branches,
         lit=shading.lit,
-        null_lobes=features.transparent and shading.lit,
+        null_lobes=of.null_lobes,
         guided=features.guided,
         per_vertex=max(n_lights, 1) if shading.every else 1,
         last_depth=shade.last_depth(of.shader, features),

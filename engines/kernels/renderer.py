@@ -123,6 +123,8 @@ class Renderer:
             numbers[sampler.SAMPLER_OPTION] = (chosen.options["strata"].bit_length() - 1) // 2
         self._flat.bind(SceneTable.options, numbers)
         self._flat.bind(SceneTable.seed_key, sampler.seed_key(self.settings.seed))
+        n_lights = int(self._flat.table[SceneTable.n_lights.first])
+        self._flat.bind(SceneTable.light_choices, 1 if shade.integrator_of(shader).every_light else n_lights)
         self._flat.bind(SceneTable.wanted_draws, shade.wanted_draws(shader, self._flat.features))
         self._bind_points(0, 1)
 
@@ -184,8 +186,9 @@ class Renderer:
     def _compile(self) -> None:
         """Compiles or loads the driver, and the stages that the scene and its integrator need."""
         subject = self._subject()
-        compile_jobs([self._compile_driver, *pipeline.jobs(pipeline.table(subject))])
-        self._stages, self._kept = pipeline.stages(pipeline.table(subject))  # machine code lives as long as its stage
+        table = list(pipeline.table(subject))
+        compile_jobs([self._compile_driver, *pipeline.jobs(table)])
+        self._stages, self._kept = pipeline.stages(table)  # machine code lives as long as its stage
         self._plan = pipeline.plan(subject, int(self._flat.table[SceneTable.n_lights.first]))
 
     # ---- rendering ---------------------------------------------------------------------------------------------------

@@ -9,6 +9,7 @@ ROOT = Path(__file__).resolve().parents[2]
 SURFACE, LIGHT = {"hit_loads", "surface"}, {"light", "light_cells", "light_hierarchy", "resampling"}
 RECORDS = {
     "hit": SURFACE | {"emission", "material"},
+    "found": SURFACE,
     "face": SURFACE,
     "light_sample": LIGHT | {"emission"},
     "light_face": LIGHT,
@@ -56,13 +57,6 @@ def test_the_light_stage_writes_nothing_that_the_hit_consists_of(writers):
 def test_what_a_stage_keeps_for_itself_no_other_writes(writers):
     """All but the state of a path, which several stages move on, and what intersectors and the driver fill."""
     own = {path for path, by in writers.items() if len(by) == 1}
-    for path in (
-        "primitive_row",
-        "formula_row",
-        "light_row",
-        "light_primitive",
-        "environment_place",
-        "missed_place",
-        "coordinates",
-    ):
+    rows = ("primitive_row", "shape_row", "formula_row", "emitter_row", "light_row", "light_primitive")
+    for path in (*rows, "environment_place", "missed_place", "coordinates"):
         assert path in own

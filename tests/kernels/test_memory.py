@@ -75,6 +75,22 @@ def test_a_plugin_that_branches_follows_every_branch_whatever_the_scene_holds(mo
 
 
 @inline
+def _sees_density(si, light, bsdf, draws, path, options):
+    """One vertex, two rays; each adds 1 where it comes with a density that is finite, 4 where it is not."""
+    one, zero = const(1.0, si.t), const(0.0, si.t)
+    none, ones = Vec3(zero, zero, zero), Vec3(one, one, one)
+    first = path.depth < const(2.0, si.t)
+    shown = select3(first, none, select3(path.pdf < const(np.inf, si.t), ones, ones * const(4.0, si.t)))
+    return ScatterResult(shown, none, first, si.normal, False, ones, const(3.0, si.t), first, si.normal, ones)
+
+
+def test_the_second_ray_of_a_branch_counts_as_specular_and_does_not_have_the_density_of_the_first():
+    shader = Shader("density", jitted=_sees_density)
+    image = prepared(scene=_inside_a_sphere(), shader=shader).render(1).mean()
+    assert np.array_equal(np.unique(image), [1 + 4])
+
+
+@inline
 def _comb(si, light, bsdf, draws, path, options):
     """Goes on to depth options[0] and leaves one ray waiting at every vertex, each of which ends at once."""
     one, zero = const(1.0, si.t), const(0.0, si.t)

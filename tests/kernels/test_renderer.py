@@ -45,6 +45,36 @@ def test_a_shader_of_ones_own_runs_in_the_same_lanes(engine):
 
 
 @inline
+def _density_of_emission(si, light, bsdf, draws, path, options):
+    zero = const(0.0, si.t)
+    return finish(si.t, Vec3(si.light_pdf, si.light_pdf, si.light_pdf), Vec3(zero, zero, zero))
+
+
+@pytest.mark.parametrize("engine", JITTED)
+def test_the_density_of_emission_counts_the_choice_of_a_light_only_where_one_is_chosen(engine):
+    lamps = [{"sphere": {"center": [x, 0, -3], "radius": 0.5}, "material": "lamp"} for x in (-1, 0, 1)]
+    scene = {
+        "raybench_scene": 1,
+        "name": "three lamps",
+        "camera": {"type": "perspective", "eye": [0, 0, 0], "target": [0, 0, -1], "up": [0, 1, 0], "fov": 60},
+        "materials": {"lamp": {"emission": [1, 1, 1]}},
+        "shapes": lamps,
+    }
+    one, every = (
+        engines.engine(engine)
+        .prepare(
+            engines.scene_from(scene),
+            Settings(32, 24, shader=Shader("density", jitted=_density_of_emission, lights=lights), sampler="constant"),
+        )
+        .render(1)
+        .mean()[..., 0]
+        for lights in ("one", "all")
+    )
+    assert (one > 0).any()
+    assert every == pytest.approx(3 * one, rel=1e-5)
+
+
+@inline
 def _always_a_quarter(pixel, sample, dimension, seed):
     return 0.25
 

@@ -58,7 +58,7 @@ class Path(NamedTuple):
     depth: int
     """Segments so far: 1 for the camera ray. A step gets it in the tracing precision."""
     pdf: float
-    """Solid-angle pdf of the last direction; inf after a specular event, and from the camera."""
+    """Solid-angle pdf of the last direction; inf after a specular event, from the camera, and along a second ray."""
     eta_scale: float
     """The product of `Scattering.eta_scale` along the path; 1 for an integrator without `roulette`."""
 

@@ -28,7 +28,8 @@ def cosine_pdf(n, w):
 
 @inline
 def is_delta(pdf):
-    """Whether a pdf is that of a delta distribution, which is infinite."""
+    """Whether a pdf is that of a delta distribution: infinite. The bound is in the range of float32, and no pdf of a density
+    comes near it."""
     return pdf > 3e38
 
 

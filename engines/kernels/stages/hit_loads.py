@@ -112,10 +112,10 @@ NEAR_TRIANGLES = 4096
 
 
 @per_features
-def make_prefetch(features: SceneFeatures, real: Any) -> Any:
+def _make_prefetch(features: SceneFeatures, real: Any) -> Any:
     """The function (rays, scene) that starts loading what the scene holds of the triangles hit. One thing leads to the
     next, and a lane alone would wait for each: here all sixteen wait at once."""
-    mixed, smooth, uvs = (features.spheres or features.planes or len(features.analytic) > 0, features.smooth, features.uvs)
+    mixed, smooth, uvs = features.other_shapes, features.smooth, features.uvs
     vector = 3 * np.dtype(real).itemsize
 
     @inline
@@ -160,9 +160,8 @@ def make_prefetch(features: SceneFeatures, real: Any) -> Any:
 
 
 class Kinds(NamedTuple):
-    """The lanes that have hit something, and those of them by the kind of what they hit: words."""
+    """The lanes that have hit something, by the kind of what they have hit: words."""
 
-    hits: int
     triangles: int
     spheres: int
     planes: int
@@ -173,15 +172,14 @@ class Kinds(NamedTuple):
 def _make_find_kinds(features: SceneFeatures) -> Any:
     """The function (rays, hits) -> Kinds, of the kinds of shapes that the lanes hold."""
     triangles, spheres, planes = features.triangles, features.spheres, features.planes
-    several = spheres or planes or len(features.analytic) > 0
+    others = features.other_shapes
 
     @inline
     def kinds(rays, hits):
         none = np.int64(0)
-        if not several:
-            return Kinds(hits, hits, none, none, none)
+        if not others:
+            return Kinds(hits, none, none, none)
         return Kinds(
-            hits,
             hits & _of_triangles(rays.hit.shape) if triangles else none,
             hits & _of_spheres(rays.hit.shape) if spheres else none,
             hits & _of_planes(rays.hit.shape) if planes else none,
@@ -259,8 +257,7 @@ def area_lights(features: SceneFeatures) -> tuple[int, ...]:
 def _make_load_primitives(features: SceneFeatures) -> Any:
     """The function (rays, scene) that copies kind, index, material and light of each lane's primitive, whose id is kept. Where
     there are triangles alone, their indices are their ids: one cache miss less."""
-    several = features.spheres or features.planes or len(features.analytic) > 0
-    wanted = [("shape", "hit.shape"), ("index", "shape_row")] if several else []
+    wanted = [("shape", "hit.shape"), ("index", "shape_row")] if features.other_shapes else []
     if features.bsdfs or features.emission:
         wanted += [("material", "material"), ("light", "emitter")]
     columns = tuple(PrimitiveRow.fields[column].first for column, _ in wanted)
@@ -318,13 +315,13 @@ def make_load_hit(features: SceneFeatures, real: Any) -> Any:
     load_primitives, load_shapes = _make_load_primitives(features), _make_load_shapes(features, real)
     load_lights, find_kinds = _make_load_lights(features, real), _make_find_kinds(features)
     load_materials = make_load_rows("material", MaterialRow, *materials_of)
-    triangles, prefetch_triangles = features.triangles, make_prefetch(features, real)
+    triangles, prefetch_triangles = features.triangles, _make_prefetch(features, real)
 
     @inline
     def load(rays, scene):
         hits = _keep_ids(rays)
         if hits == 0:
-            return Kinds(hits, hits, hits, hits, hits)
+            return Kinds(hits, hits, hits, hits)
         if triangles and scene.n_triangles > NEAR_TRIANGLES:
             prefetch_triangles(rays, scene)
         load_primitives(rays, scene)

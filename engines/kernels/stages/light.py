@@ -144,7 +144,7 @@ def _load_faces(rays, scene, lanes):
 def _make_sample_one(kinds: tuple[int, ...], selection: Selection, turned: bool, real: Any) -> Any:
     """The function (rays, scene) that stores one light sample per lane."""
     zero, one, infinite = real(0), real(1), real(np.inf)
-    load, every = _make_load(kinds, selection, real), selection.every
+    load = _make_load(kinds, selection, real)
     weighted = selection.power or selection.hierarchy or selection.cells
     sample_light = dispatch(tuple((kind, MODELS[kind].sample) for kind in kinds if kind != IMAGE_ENVIRONMENT))
     image_environment = IMAGE_ENVIRONMENT in kinds
@@ -152,7 +152,7 @@ def _make_sample_one(kinds: tuple[int, ...], selection: Selection, turned: bool,
     @inline
     def sample_one(rays, scene):
         load(rays, scene)
-        pmf = one if every else one / real(scene.n_lights)
+        pmf = one / real(scene.light_choices)
         environment_pmf = pmf
         if weighted:
             environment_pmf = one / scene.light_inverse_pmf[scene.environment_light]

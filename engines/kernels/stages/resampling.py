@@ -22,7 +22,7 @@ PICK = ROULETTE
 def keep_draws(rays):
     """Keeps the vertex's random numbers."""
     for lane in range(np.uint64(LANES)):
-        for k in range(3):
+        for k in range(3):  # POINT_U0, POINT_U1, LIGHT
             rays.drawn[k, lane] = rays.draw[k, lane]
 
 

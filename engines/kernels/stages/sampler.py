@@ -115,10 +115,11 @@ def _make(value: Any, tabulated: bool, draws: int, real: Any) -> Any:
         rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
         wanted = scene.wanted_draws if draws == VERTEX_DRAWS else np.int64(ALL_WANTED)
         option, seed_key = scene.options[SAMPLER_OPTION], np.uint32(scene.seed_key)
-        columns = scene.points_stride - VERTEX_DRAWS
+        stride = scene.points_stride
+        columns = stride - VERTEX_DRAWS
         last = _store_keys(rays, seed_key)
         if tabulated:
-            _load_points(rays, scene.sample_points, columns + VERTEX_DRAWS, columns, scene.first_sample, draws)
+            _load_points(rays, scene.sample_points, stride, columns, scene.first_sample, draws)
         for k in range(draws):
             if (wanted >> k) & 1 == 0:
                 continue

@@ -159,7 +159,7 @@ def _make_emission(features: SceneFeatures) -> Any:
 def _make(features: SceneFeatures, real: Any) -> Any:
     zero = real(0)
     load, meet = make_load_hit(features, real), _make_meet(features, real)
-    several, smooth = features.spheres or features.planes or len(features.analytic) > 0, features.smooth
+    others, smooth = features.other_shapes, features.smooth
     weighted = chooses_by_weight(features)
     emission, tangents, hides = features.emission, features.tangents, features.hidden_emitters
     emission_at = _make_emission(features)
@@ -171,9 +171,9 @@ def _make(features: SceneFeatures, real: Any) -> Any:
     def surface(batch, scene_address):
         rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
         kinds = load(rays, scene)
-        if several:
+        if others:
             meet(rays, kinds)
-        inverse_pmf = real(scene.n_lights)
+        inverse_pmf = real(scene.light_choices)
         environment_inverse_pmf = inverse_pmf
         if weighted:
             environment_inverse_pmf = scene.light_inverse_pmf[scene.environment_light]
@@ -184,7 +184,7 @@ def _make(features: SceneFeatures, real: Any) -> Any:
             environment_radiance = scene.environment_radiance[0]
         for lane in range(np.uint64(LANES)):
             o, d = rays.origin[lane], rays.direction[lane]
-            found = rays.found[lane] if several else _on_triangle(rays, lane, o, d, smooth)
+            found = rays.found[lane] if others else _on_triangle(rays, lane, o, d, smooth)
             # a hit that the primitive itself does not confirm (Embree reports some on slivers) is none
             primitive = rays.primitive[lane]
             miss = (primitive < 0) | (not (found.t < real(np.inf)))

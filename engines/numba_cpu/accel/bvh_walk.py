@@ -1,8 +1,8 @@
 """The two stages that traverse the eight-wide tree, the sixteen rays of a batch interleaved.
 
-In each round every ray takes one step: eight boxes of a node, or up to eight primitives of a leaf, in vector code without a
-branch. A ray alone would wait at each step for memory and for the next branch; sixteen steps that do not depend on one
-another overlap. This, not the width, is what pays (docs/how/performance_log.md).
+In each round every ray that stands at a node takes a step, eight boxes in vector code without a branch, and then every ray
+that stands at a leaf, up to eight primitives. A ray alone would wait at each step for memory and for the next branch; sixteen
+steps that do not depend on one another overlap. This, not the width, is what pays (docs/how/performance_log.md).
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ RECORD = -(-(PARENTS + STACK) // 16) * 16
 AT_NODES, AT_LEAVES = LANES * RECORD, LANES * RECORD + LANES + 1
 SCRATCH = LANES * RECORD + 2 * (LANES + 1)
 STEP_LINES = 5
-"""Cache lines of a step: four of a node, five of a leaf."""
+"""Cache lines that a step prefetches: a node has four, a leaf of eight float32 triangles five (of larger ones the first)."""
 SLOT = 7
 """The bits of a key that hold the child's number; the others are those of the distance to it, rounded down."""
 
@@ -82,7 +82,7 @@ class Tree(NamedTuple):
 
 
 class Queues(NamedTuple):
-    """Lanes that stand at a node, and at a leaf."""
+    """Lanes that stand at a node, and at a leaf. A loop over one queue refills both: it reads a place, then writes there."""
 
     nodes: Any
     leaves: Any

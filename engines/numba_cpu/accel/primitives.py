@@ -1,4 +1,5 @@
-"""What grid and tree share: boxes of the primitives, the ray of one lane, and the test of one primitive.
+"""What accelerators share: boxes of the primitives; of grids and area hierarchies the ray of one lane, and the test of one
+primitive.
 
 Primitives are numbered triangles first, then spheres, then analytic shapes. Boxes are padded by a few ulps of the scene's
 extent, so a ray in a box face, or along a cell wall, is inside by a margin and needs no special case.
