@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Mapping
+import json
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -58,13 +59,13 @@ def expand(top: Given) -> tuple[list[Combination], list[str]]:
     if not axes and not top.has("engine") and not top.has("include"):
         raise top.node.refuse("a matrix is expected, or at least a scene and an engine")
     combinations = _product(top, settings, axes)
-    warnings = [_idle(each) for each in top["exclude"] if not any(map(each.matches, combinations))]
+    warnings = [line for each in top["exclude"] for line in _idle(each, combinations)]
     combinations = [found for found in combinations if not any(each.matches(found) for each in top["exclude"])]
     combinations += _include(top, settings, axes)
     for extension in top["extend"]:
         where, changes = extension["where"], extension["set"].written
         matched = [where.matches(each) for each in combinations]
-        warnings += [] if any(matched) else [_idle(where)]
+        warnings += _idle(where, combinations)
         combinations = [_changed(c, changes) if hit else c for c, hit in zip(combinations, matched, strict=True)]
     return list(reversed(dict.fromkeys(reversed(combinations)))), warnings
 
@@ -124,5 +125,8 @@ def _include(top: Given, settings: Combination, axes: list[Axis]) -> Iterable[Co
         yield whole
 
 
-def _idle(idle: Filter) -> str:
-    return f"{idle.where}: this filter matches nothing"
+def _idle(given: Filter, combinations: Sequence[Combination]) -> list[str]:
+    """What of a filter matches nothing: all of it, or members of its lists."""
+    if not any(map(given.matches, combinations)):
+        return [f"{given.where}: this filter matches nothing"]
+    return [f"{given.where}.{key}: {json.dumps(written)} matches nothing" for key, written in given.idle_members(combinations)]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import operator
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from typing import Any
@@ -42,16 +42,27 @@ Condition = Callable[[Any], bool]
 
 @dataclass(frozen=True, slots=True)
 class Filter:
-    """Conditions by setting; `written` is what the file says, `where` its place."""
+    """Conditions by setting; `written` is what the file says, `where` its place. `members` are the conditions of lists, each as
+    (what the file says, condition)."""
 
     conditions: Mapping[str, Condition] = field(compare=False)
     written: Mapping[str, Any]
     where: str = field(compare=False)
+    members: Mapping[str, list[tuple[Any, Condition]]] = field(compare=False)
 
     def matches(self, one: Any) -> bool:
         """Whether a combination, or what else has settings as attributes, meets every condition. What it lacks meets none: rays
         have no sampler."""
         return all(hasattr(one, key) and condition(getattr(one, key)) for key, condition in self.conditions.items())
+
+    def idle_members(self, ones: Sequence[Any]) -> list[tuple[str, Any]]:
+        """The members of lists that match none of these: (key, what the file says)."""
+        return [
+            (key, written)
+            for key, members in self.members.items()
+            for written, matches in members
+            if not any(hasattr(one, key) and matches(getattr(one, key)) for one in ones)
+        ]
 
     def __str__(self) -> str:
         """`{engine: "numba", threads: 2}`"""
@@ -77,7 +88,9 @@ def _filter(given: Given, context: Any) -> Filter:
     """An empty one is refused, for it would match everything."""
     if not given.written:
         raise given.node.refuse("at least one condition is expected")
-    return Filter(given.written, given.node.plain(), given.node.where)
+    lists = {key: child for key, child in given.node.value.items() if is_list(key, child)}
+    members = {key: [(each.plain(), condition(key, each)) for each in child.value] for key, child in lists.items()}
+    return Filter(given.written, given.node.plain(), given.node.where, members)
 
 
 FILTER = Record(
@@ -107,11 +120,16 @@ class ContestantsKind:
 CONTESTANTS = ContestantsKind()
 
 
+def is_list(key: str, node: Located) -> bool:
+    """Whether the condition at `node` is a list of conditions: two numbers are one resolution."""
+    value = node.value
+    return isinstance(value, list) and not (key == "resolution" and all(is_number(child.value) for child in value))
+
+
 def condition(key: str, node: Located) -> Condition:
     """The condition at `node` on the setting `key`."""
     value = node.value
-    sides = isinstance(value, list) and all(is_number(child.value) for child in value)
-    if key == "resolution" and (sides or isinstance(value, str)):
+    if key == "resolution" and isinstance(value, (list, str)) and not is_list(key, node):
         expected = RESOLUTION.read(node)
         return lambda found: found is not None and tuple(found) == expected
     if isinstance(value, list):

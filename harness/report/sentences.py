@@ -270,3 +270,7 @@ def _without_ratio(analysis: Analysis, told: set[str]) -> Iterator[Sentence]:
     for axis, between in nearest.items():
         also = SEVERAL.join(name for name in between if name != axis)
         yield Sentence(axis, f"no ratio of {axis} alone: contestants that differ in it differ in {also} too.")
+    settings = [contestant.settings for contestant in analysis.results.contestants]
+    sizes = {(each.scene, each.width, each.height) for each in settings}
+    if len(sizes) > len({each.scene for each in settings}):
+        yield Sentence("resolution", "no ratio: images of different sizes have references, and races, of their own.")

@@ -216,6 +216,15 @@ def test_axes_that_vary_together_are_told(tmp_path):
     assert "threads: no ratio of threads alone" in sentences_text(analysis)
 
 
+def test_images_of_several_sizes_are_said_to_have_no_ratio(tmp_path):
+    def wide(cell):
+        cell.update(width=2 * cell["width"], cell_id=cell["cell_id"] + "wide")
+
+    analysis = analyse(results(tmp_path, contestant(0.01), contestant(0.02, change=wide)))
+    assert lines(analysis, "resolution") == ["no ratio: images of different sizes have references, and races, of their own."]
+    assert lines(analyse(results(tmp_path / "one", contestant(0.01), contestant(0.02, sampler="sobol"))), "resolution") == []
+
+
 def test_nothing_is_said_where_nothing_is_compared(tmp_path):
     assert sentences_text(analyse(results(tmp_path, contestant(0.01)))) == ""
 
