@@ -124,6 +124,28 @@ class Pass(NamedTuple):
     samples: int
 
 
+class Memory(NamedTuple):
+    """Addresses of a thread's memory."""
+
+    batch: int
+    spare: int
+    """The batch in which samples begin."""
+    shadows: int
+    """The batch of shadow rays, where these cross null lobes."""
+    stack: int
+    capacity: int
+    """Rays that may wait on the stack of a lane."""
+
+
+class FilmArrays(NamedTuple):
+    """The arrays of a film, flat: three numbers a pixel, of `counts` one."""
+
+    sums: Any
+    squares: Any
+    even_sums: Any
+    counts: Any
+
+
 class Issued(NamedTuple):
     """Samples of a pass that have begun, and the lanes in which one waits, begun in the spare batch."""
 
@@ -299,30 +321,8 @@ def _finish(rays, stacks, capacity, plan, buffer):
 def driver(real: Any) -> Any:
     """The kernel that one thread runs: takes tiles until there are none, or until `control[STOP]` is set."""
 
-    def drive(
-        stages,
-        batch,
-        spare,
-        shadows,
-        stack,
-        capacity,
-        scene,
-        plan,
-        tiles,
-        done,
-        target,
-        chunk,
-        width,
-        control,
-        sums,
-        squares,
-        even_sums,
-        counts,
-        buffer,
-        records,
-        totals,
-    ):
-        rays, stacks = ray_batch(batch, real), waiting_rays(stack, real)
+    def drive(stages, plan, scene, memory, tiles, done, target, chunk, width, control, film, buffer, records, totals):
+        batch, rays, stacks = memory.batch, ray_batch(memory.batch, real), waiting_rays(memory.stack, real)
         next_tile, traced = control.ctypes.data + 8 * NEXT_TILE, 0
         while True:
             tile = fetch_add(next_tile, 1)
@@ -338,17 +338,17 @@ def driver(real: Any) -> Any:
                     if control[STOP] != 0 or control[STACK_FULL] != 0:
                         totals[RAYS] += traced
                         return  # what this pass has gathered is dropped: the film holds whole passes
-                    issued, idle_now = _regenerate(stages, batch, spare, scene, real, work, issued, free)
+                    issued, idle_now = _regenerate(stages, batch, memory.spare, scene, real, work, issued, free)
                     idle |= idle_now
                     if idle == EVERY_LANE:
                         break
-                    traced += _advance(rays, stages, batch, shadows, scene, plan, records, real)
-                    free, fits = _finish(rays, stacks, capacity, plan, buffer)
+                    traced += _advance(rays, stages, batch, memory.shadows, scene, plan, records, real)
+                    free, fits = _finish(rays, stacks, memory.capacity, plan, buffer)
                     if not fits:
                         control[STACK_FULL] = 1
                 if plan.guided:
                     learn(work.samples * work.rows * work.columns, records, buffer)
-                _commit(buffer, work, sums, squares, even_sums, counts, totals)
+                _commit(buffer, work, film, totals)
                 done[tile] = first + work.samples
 
     return kernel(drive)
@@ -372,7 +372,7 @@ def _blacken(buffer, numbers):
 
 
 @inline
-def _commit(buffer, work, sums, squares, even_sums, counts, totals):
+def _commit(buffer, work, film, totals):
     """Adds a finished pass of a tile to the film, samples in order; a sample that is not finite counts as black."""
     numbers = 3 * work.columns
     totals[BAD_SAMPLES] += _blacken(buffer, work.samples * work.rows * numbers)
@@ -382,10 +382,10 @@ def _commit(buffer, work, sums, squares, even_sums, counts, totals):
             source, target = np.uint64((sample * work.rows + row) * numbers), np.uint64(3 * pixel)
             for k in range(np.uint64(numbers)):
                 value = np.float64(buffer[source + k])
-                sums[target + k] += value
-                squares[target + k] += value * value
+                film.sums[target + k] += value
+                film.squares[target + k] += value * value
             if (work.first + sample) % 2 == 0:
                 for k in range(np.uint64(numbers)):
-                    even_sums[target + k] += np.float64(buffer[source + k])
+                    film.even_sums[target + k] += np.float64(buffer[source + k])
         for column in range(np.uint64(work.columns)):
-            counts[np.uint64(pixel) + column] += work.samples
+            film.counts[np.uint64(pixel) + column] += work.samples

@@ -297,28 +297,14 @@ class Renderer:
         totals = np.zeros(2, np.int64)
         buffer = np.empty(3 * CHUNK * driver.TILE**2, self._real)
         records = records_of(CHUNK * driver.TILE**2 if plan.guided else 0, self._guide_totals(), self._real)
-        sums = [array.reshape(-1) for array in (film.sums, film.squares, film.even_sums)]
-        driver.driver(self._real)(
-            stages,
-            memory.ctypes.data,
-            memory.ctypes.data + self._batch_bytes,
-            shadows.ctypes.data,
-            stack.ctypes.data,
-            self._stack_capacity,
-            self._flat.address,
-            plan,
-            tiles,
-            done,
-            target,
-            CHUNK,
-            film.width,
-            self._control,
-            *sums,
-            film.counts.reshape(-1),
-            buffer,
-            records,
-            totals,
+        batch = memory.ctypes.data
+        addresses = driver.Memory(
+            batch, batch + self._batch_bytes, shadows.ctypes.data, stack.ctypes.data, self._stack_capacity
         )
+        arrays = driver.FilmArrays(*(each.reshape(-1) for each in (film.sums, film.squares, film.even_sums, film.counts)))
+        drive, scene = driver.driver(self._real), self._flat.address
+        work = tiles, done, target, CHUNK, film.width
+        drive(stages, plan, scene, addresses, *work, self._control, arrays, buffer, records, totals)
         return totals
 
     def _compile_driver(self) -> None:

@@ -15,8 +15,14 @@ from engines.kernels import compile as compile_room
 
 COMPILE = Path(compile_room.__file__).parent
 PRIVATE_NAME = re.compile(r"(?<!self)(?<!cls)\._[a-z]\w*")
-OURS_OR_OBJECTS = {"_fields", "_replace", "_exit", "_cache", "_tm", "_finalized", "_defn"}
-"""Of NamedTuples and `os`; and attributes that objects of Numba have, and its classes not."""
+OURS_OR_OBJECTS = {
+    *("_fields", "_replace", "_exit"),  # of NamedTuples and `os`
+    "_cache",  # of a dispatcher, and of a C function: where its machine code is kept
+    "_tm",  # of a code generator: the target machine, for the passes over functions
+    "_finalized",  # of a library: its making has ended
+    "_defn",  # of an intrinsic: its Python function, a part of the key of machine code
+}
+"""Private names that are not parts of Numba's classes: of its objects, or not of Numba."""
 ROOT = Path(__file__).resolve().parents[2]
 FIRST, LAST = (f"{major}.{minor}" for major, minor in (compile_room.OLDEST, compile_room.NEWEST))
 BEYOND = f"{compile_room.NEWEST[0]}.{compile_room.NEWEST[1] + 1}"

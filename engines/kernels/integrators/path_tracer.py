@@ -49,16 +49,16 @@ def _path_step(si, light, bsdf, draws, path, options, crosses):
     alive = alive & ((draws.roulette < survival) | (not plays))
     throughput = throughput * select(plays, 1.0 / select(survival > 0.0, survival, 1.0), 1.0)
     return ScatterResult(
-        radiance,
-        select(lit, li, BLACK),
-        alive,
-        sample.wi,
-        sample.transmitted,
-        throughput,
-        select(crosses, path.pdf, sample.pdf),
-        False,
-        BLACK,
-        BLACK,
+        radiance=radiance,
+        direct=select(lit, li, BLACK),
+        alive=alive,
+        direction=sample.wi,
+        transmitted=sample.transmitted,
+        throughput=throughput,
+        pdf=select(crosses, path.pdf, sample.pdf),
+        branch=False,
+        branch_direction=BLACK,
+        branch_throughput=BLACK,
     )
 
 

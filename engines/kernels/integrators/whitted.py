@@ -37,16 +37,16 @@ def whitted(si, light, bsdf, draws, path, options):
     refracts = deeper & transmission.valid & (total(kt) > 0.0) & (select(through, -side, side) > 0.0)
     # the refraction goes on in the lane, the mirror ray waits: both where there are both
     return ScatterResult(
-        radiance,
-        direct,
-        reflects | refracts,
-        select(refracts, transmission.wi, reflection.wi),
-        refracts & through,
-        select(refracts, kt, ks),
-        math.inf,
-        reflects & refracts,
-        reflection.wi,
-        ks,
+        radiance=radiance,
+        direct=direct,
+        alive=reflects | refracts,
+        direction=select(refracts, transmission.wi, reflection.wi),
+        transmitted=refracts & through,
+        throughput=select(refracts, kt, ks),
+        pdf=math.inf,
+        branch=reflects & refracts,
+        branch_direction=reflection.wi,
+        branch_throughput=ks,
     )
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from engines.kernels.compile.dispatch import dispatch
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import select
 from engines.kernels.flatten.shapes import analytic_shape
@@ -98,25 +99,15 @@ def occluded_spheres(rays, scene, real):
 def analytic_distance(kinds: tuple[int, ...]) -> Any:
     """The function (scene, i, o, d) -> distance in float64 to analytic shape i of the scene, one of these kinds; not
     below inf where it is missed, or met from behind the origin."""
-    kind, rest = kinds[0], kinds[1:]
-    distance = analytic_shape(kind).lane.distance
-
-    if not rest:
-
-        @inline
-        def only(scene, i, o, d):
-            return distance(o, d, scene.analytic[i].parameters)
-
-        return only
-    others = analytic_distance(rest)
+    distance_of = dispatch(tuple((kind, analytic_shape(kind).lane.distance) for kind in kinds), branches=True)
+    several, only = len(kinds) > 1, kinds[0]
 
     @inline
-    def chosen(scene, i, o, d):
-        if scene.primitives[scene.analytic_primitives[i]].shape == kind:
-            return distance(o, d, scene.analytic[i].parameters)
-        return others(scene, i, o, d)
+    def distance(scene, i, o, d):
+        kind = np.int64(scene.primitives[scene.analytic_primitives[i]].shape) if several else np.int64(only)
+        return distance_of(kind, np.inf, o, d, scene.analytic[i].parameters)
 
-    return chosen
+    return distance
 
 
 @cache
