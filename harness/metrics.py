@@ -122,7 +122,7 @@ def metric_title(name: str) -> str:
     """A metric's name for people: `relmse_e0.01` is `relMSE (ε = 0.01)`."""
     if (epsilon := epsilon_of(name)) is not None:
         return f"{'trimmed ' * name.endswith(_TRIMMED)}relMSE (ε = {epsilon:g})"
-    return name.upper()
+    return f"{name.upper()} (ε = {PERCENTAGE_EPSILON:g})" if name in ("mape", "smape") else name.upper()
 
 
 def higher_is_better(metric: str) -> bool:

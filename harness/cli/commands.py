@@ -286,7 +286,7 @@ def archive(
 command(RESULTS, SeveralFolders)(compare)
 command(RESULTS)(history.history)
 command(RESULTS)(paper.table)
-command(RESULTS)(paper.figure)
+command(RESULTS, paper.SeveralCrops)(paper.figure)
 command(RESULTS)(replay.replay)
 
 

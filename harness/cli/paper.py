@@ -2,15 +2,28 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
-from typing import Annotated, Optional
+from typing import Annotated, Any, Optional
 
 import typer
 
-from harness.cli.options import Folder, choices, words
+from harness.cli.options import Command, Folder, choices, words
 
+CROP = re.compile(r"\d+(,\d+){3}")
 VALUES = ("ratio", "seconds", "error", "spp")
 """What the cells of a table can hold."""
+
+
+class SeveralCrops(Command):
+    """Takes several crops behind one `--crops`."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        spread: list[str] = []
+        for word in args:
+            follows = len(spread) > 1 and spread[-2] == "--crops" and CROP.fullmatch(word)
+            spread += ["--crops", word] if follows else [word]
+        return super().parse_args(ctx, spread)
 
 
 def figure(
@@ -19,7 +32,7 @@ def figure(
     output: Annotated[Path, typer.Option("--out", "-o", help="The file: .pdf, .png or .svg.")],
     crops: Annotated[
         Optional[list[str]],  # noqa: UP045
-        typer.Option(metavar="X,Y,W,H", help="A crop in pixels; may be repeated. By default two squares of high contrast."),
+        typer.Option(metavar="X,Y,W,H...", help="Crops in pixels. By default two squares of high contrast."),
     ] = None,
     at: Annotated[
         str, typer.Option(metavar="2s|64spp|last", help="Compare images after a time, at a number of samples, or the last.")

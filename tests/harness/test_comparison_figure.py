@@ -102,13 +102,13 @@ def test_what_cannot_be_shown_is_named(results):
 
 def test_the_command_writes_figure_and_crops(folder, tmp_path):
     figure, crops = tmp_path / "figure.pdf", tmp_path / "crops"
-    arguments = ["--scene", "cornell_box", "--crops", "8,4,16,12", "-o", figure, "--exr", crops]
+    arguments = ["--scene", "cornell_box", "--crops", "8,4,16,12", "2,2,6,6", "-o", figure, "--exr", crops]
     done = sweeping.raybench("figure", folder, *arguments)
     assert done.returncode == 0, done.stderr
     assert figure.read_bytes().startswith(b"%PDF")
     results = load_results(folder)
     taken = made.taken_images(results, "cornell_box", Moment())
-    assert len(list(crops.iterdir())) == len(taken) + 1
+    assert len(list(crops.iterdir())) == 2 * (len(taken) + 1)
     expected = made.reference_of(results, taken).mean[4:16, 8:24]
     np.testing.assert_allclose(read_image(crops / "crop1-reference.exr"), expected, rtol=1e-3)
     again = sweeping.raybench("figure", folder, "--scene", "nowhere", "-o", figure)
