@@ -76,7 +76,7 @@ MOST_NULL_LOBES = 1024
 """Null lobes that a path or a shadow ray crosses at most: rounding must not hold a ray for ever."""
 CAMERA_DIMENSIONS = 2
 """Dimensions before the first vertex: the place in the pixel."""
-MISS, SURFACE = range(2)
+SURFACE, MISS = range(2)
 """What a ray has met."""
 
 
@@ -86,7 +86,7 @@ class Hit(NamedTuple):
     Until the surface stage stores it, `point` and `geometric_normal` are those of the last vertex, where the ray starts."""
 
     kind: int
-    """MISS or SURFACE."""
+    """SURFACE or MISS."""
     front: bool
     """Met from the side of the shape's own normal."""
     shape: int

@@ -39,7 +39,7 @@ IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 TURNED = (0.5, -1.5, 0.25, 2.0, 0.75, -0.125)
 
 
-NAMES = {name: f"hit.{name}" for name in ("front", "miss", "normal")}
+NAMES = {"front": "hit.front", "miss": "hit.kind", "normal": "hit.normal"}
 NAMES |= {name: f"wrapped.{name}" for name in ("untilted_normal", "outer_normal")}
 """What fields are called in tests of several."""
 
