@@ -90,7 +90,7 @@ class Hit(NamedTuple):
     front: bool
     """Met from the side of the shape's own normal."""
     shape: int
-    """Kind of the primitive."""
+    """Kind of shape."""
     u: float
     v: float
     point: Vec3
@@ -210,9 +210,9 @@ class Recorded(NamedTuple):
 class RayBatch(LaneRecord):
     """Sixteen lanes, field by field. Behind the fields lies scratch memory for intersectors."""
 
-    # the path: `copy_paths` copies all fields down to `waiting` from the batch in which the camera begins samples. Of what lies
-    # below, nothing counts that has not been written for this vertex (of `crossing`: for this sample, whose first ray is known
-    # by its dimension)
+    # the path: `copy_paths` copies all fields down to `waiting` from the batch in which the camera begins samples. What lies
+    # below is written for each vertex before it counts, but for `crossing` (for each sample, whose first ray is known by its
+    # dimension) and `hit` (see there)
     alive = flag()  # the lane has a sample in flight
     slot = integer()  # where in the tile's buffer the radiance goes
     pixel = integer()  # y * width + x
@@ -285,7 +285,7 @@ class RayBatch(LaneRecord):
     shadow = record(ShadowRay)  # as the shade stage leaves it; `occluded` is the intersector's
     branch = record(Branch)
 
-    # scratch of intersectors that test lists
+    # scratch of intersectors
     shear_x = vector()
     shear_y = vector()
     shear_z = vector()

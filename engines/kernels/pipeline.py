@@ -71,7 +71,7 @@ class Accelerator(Protocol):
     def stages(self, features: SceneFeatures, real: Any) -> tuple[Any, Any]: ...
 
 
-class Subject(NamedTuple):
+class StageConfig(NamedTuple):
     """What stages are compiled for."""
 
     features: SceneFeatures
@@ -91,72 +91,76 @@ class Subject(NamedTuple):
         return shade.shade_features(shade.integrator_of(self.shader), self.features)
 
 
-class Row(NamedTuple):
+class Group(NamedTuple):
     """Stages that are made together."""
 
     fields: tuple[str, ...]
-    """Of `Stages`, one for each stage; rows of `sampling` have any number of stages, which are called in this order."""
+    """Of `Stages`, one for each stage; groups of `sampling` have any number of stages, which are called in this order."""
     make: Callable[[], Sequence[Any]]
     """Compiles or loads the stages."""
     cost: int = 0
-    """Rows of a higher cost are compiled before others."""
+    """Groups of a higher cost are compiled before others."""
 
 
-def table(of: Subject) -> Iterator[Row]:
+def table(config: StageConfig) -> Iterator[Group]:
     """The stages that a scene and its integrator need."""
-    features, shading, real = of.features, of.shading, of.real
-    integrator = shade.integrator_of(of.shader)
-    uses, resampled = shade.uses(integrator, shading), shade.light_candidates(of.shader) > 1
-    yield Row(("draw_pixel", "draw_vertex"), lambda: sampler.stages(of.sampler, real, isinstance(of.camera, ThinLens)))
-    yield Row(("camera",), lambda: [camera.stage(of.camera, real)])
-    yield Row(("closest", "occluded"), lambda: of.accelerator.stages(features, real), 7)
-    yield Row(("surface",), lambda: [surface.stage(features, real)], 8)
+    features, shading, real = config.features, config.shading, config.real
+    integrator = shade.integrator_of(config.shader)
+    uses, resampled = shade.uses(integrator, shading), shade.light_candidates(config.shader) > 1
+    yield Group(
+        ("draw_pixel", "draw_vertex"), lambda: sampler.stages(config.sampler, real, isinstance(config.camera, ThinLens))
+    )
+    yield Group(("camera",), lambda: [camera.stage(config.camera, real)])
+    yield Group(("closest", "occluded"), lambda: config.accelerator.stages(features, real), 7)
+    yield Group(("surface",), lambda: [surface.stage(features, real)], 8)
     if features.programs and any(uses):
-        yield Row(("material",), lambda: [material.stage(features, real)], 4)
+        yield Group(("material",), lambda: [material.stage(features, real)], 4)
     if shading.lit:
-        yield Row(SAMPLING, lambda: [light.stage(features, shading.every, resampled, real)], 5)
+        yield Group(SAMPLING, lambda: [light.stage(features, shading.every, resampled, real)], 5)
     if features.guided:
-        yield Row(SAMPLING, lambda: [guiding.choose_stage(features, real)], 3)
-    yield Row(SAMPLING, lambda: scattering.stages(features, uses, real), 6)
+        yield Group(SAMPLING, lambda: [guiding.choose_stage(features, real)], 3)
+    yield Group(SAMPLING, lambda: scattering.stages(features, uses, real), 6)
     if features.guided:
-        yield Row(SAMPLING, lambda: [guiding.mix_stage(features.masks, shading.lit, real)], 3)
-    yield Row(("shade",), lambda: [shade.stage(integrator, shading, features, real)], 9)
-    if of.null_lobes:
-        yield Row(("dark_surface", "transmit"), lambda: (surface.dark_stage(features, real), transmit.stage(features, real)), 3)
+        yield Group(SAMPLING, lambda: [guiding.mix_stage(features.masks, shading.lit, real)], 3)
+    yield Group(("shade",), lambda: [shade.stage(integrator, shading, features, real)], 9)
+    if config.null_lobes:
+        yield Group(
+            ("dark_surface", "transmit"), lambda: (surface.dark_stage(features, real), transmit.stage(features, real)), 3
+        )
 
 
-def ray_table(of: Subject) -> Iterator[Row]:
+def ray_table(config: StageConfig) -> Iterator[Group]:
     """The stages that single rays need."""
-    yield Row(("closest", "occluded"), lambda: of.accelerator.stages(of.features, of.real))
-    yield Row(("surface",), lambda: [surface.bare_stage(of.features, of.real)])
+    yield Group(("closest", "occluded"), lambda: config.accelerator.stages(config.features, config.real))
+    yield Group(("surface",), lambda: [surface.bare_stage(config.features, config.real)])
 
 
-def jobs(rows: Iterable[Row]) -> list[Job]:
+def jobs(groups: Iterable[Group]) -> list[Job]:
     """What compiles or loads the stages of a table, the costly ones first."""
-    return [row.make for row in sorted(rows, key=lambda row: row.cost, reverse=True)]
+    return [group.make for group in sorted(groups, key=lambda group: group.cost, reverse=True)]
 
 
-def stages(rows: Iterable[Row]) -> tuple[Stages, list[Any]]:
+def stages(groups: Iterable[Group]) -> tuple[Stages, list[Any]]:
     """The stages of a table, compiled or loaded: (their addresses, what keeps their machine code alive)."""
     addresses, several, kept = dict[str, int](), list[int](), list[Any]()
-    for row in rows:
-        made = row.make()
+    for group in groups:
+        made = group.make()
         kept += made
-        if row.fields == SAMPLING:
+        if group.fields == SAMPLING:
             several += [stage.address for stage in made]
         else:
-            addresses |= {field: stage.address for field, stage in zip(row.fields, made, strict=True)}
+            addresses |= {field: stage.address for field, stage in zip(group.fields, made, strict=True)}
     return Stages(**addresses, sampling=np.array(several, np.int64)), kept
 
 
-def plan(of: Subject, n_lights: int) -> Plan:
-    """The plan of a subject in a scene of so many listed lights."""
-    features, shading = of.features, of.shading
+def plan(config: StageConfig, n_lights: int) -> Plan:
+    """The plan for a scene of so many listed lights."""
+    features, shading = config.features, config.shading
     return Plan(
         branches=shading.branches,
         lit=shading.lit,
-        null_lobes=of.null_lobes,
+        null_lobes=config.null_lobes,
         guided=features.guided,
         per_vertex=max(n_lights, 1) if shading.every else 1,
-        last_depth=shade.last_depth(of.shader, features),
+        last_depth=shade.last_depth(config.shader, features),
     )

@@ -173,23 +173,23 @@ class Renderer:
         with self._preparing:
             if self._ray_stages is None:
                 start = time.perf_counter()
-                self._ray_stages, self._kept_for_rays = pipeline.stages(pipeline.ray_table(self._subject()))
+                self._ray_stages, self._kept_for_rays = pipeline.stages(pipeline.ray_table(self._stage_config()))
                 self._compile_seconds += time.perf_counter() - start
             return self._ray_stages
 
-    def _subject(self) -> pipeline.Subject:
+    def _stage_config(self) -> pipeline.StageConfig:
         settings, camera_model = self.settings, self._scene.camera
-        return pipeline.Subject(
+        return pipeline.StageConfig(
             self._flat.features, settings.shader, settings.sampler, camera_model, self._accelerator, self._real
         )
 
     def _compile(self) -> None:
         """Compiles or loads the driver, and the stages that the scene and its integrator need."""
-        subject = self._subject()
-        table = list(pipeline.table(subject))
+        config = self._stage_config()
+        table = list(pipeline.table(config))
         compile_jobs([self._compile_driver, *pipeline.jobs(table)])
         self._stages, self._kept = pipeline.stages(table)  # machine code lives as long as its stage
-        self._plan = pipeline.plan(subject, int(self._flat.table[SceneTable.n_lights.first]))
+        self._plan = pipeline.plan(config, int(self._flat.table[SceneTable.n_lights.first]))
 
     # ---- rendering ---------------------------------------------------------------------------------------------------
 

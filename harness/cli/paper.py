@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Annotated, Any, Optional
 
@@ -10,7 +9,6 @@ import typer
 
 from harness.cli.options import Command, Folder, choices, words
 
-CROP = re.compile(r"\d+(,\d+){3}")
 VALUES = ("ratio", "seconds", "error", "spp")
 """What the cells of a table can hold."""
 
@@ -21,8 +19,8 @@ class SeveralCrops(Command):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         spread: list[str] = []
         for word in args:
-            follows = len(spread) > 1 and spread[-2] == "--crops" and CROP.fullmatch(word)
-            spread += ["--crops", word] if follows else [word]
+            is_next = "," in word and not word.startswith("-") and "--crops" in spread[-2:-1]
+            spread += ["--crops", word] if is_next else [word]
         return super().parse_args(ctx, spread)
 
 

@@ -129,4 +129,4 @@ def _idle(given: Filter, combinations: Sequence[Combination]) -> list[str]:
     """What of a filter matches nothing: all of it, or members of its lists."""
     if not any(map(given.matches, combinations)):
         return [f"{given.where}: this filter matches nothing"]
-    return [f"{given.where}.{key}: {json.dumps(written)} matches nothing" for key, written in given.idle_members(combinations)]
+    return [f"{where}: {json.dumps(written)} matches nothing" for _, where, written in given.idle_members(combinations)]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import operator
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from typing import Any
@@ -43,24 +43,23 @@ Condition = Callable[[Any], bool]
 @dataclass(frozen=True, slots=True)
 class Filter:
     """Conditions by setting; `written` is what the file says, `where` its place. `members` are the conditions of lists, each as
-    (what the file says, condition)."""
+    (setting, its place, what the file says, condition)."""
 
     conditions: Mapping[str, Condition] = field(compare=False)
     written: Mapping[str, Any]
     where: str = field(compare=False)
-    members: Mapping[str, list[tuple[Any, Condition]]] = field(compare=False)
+    members: tuple[tuple[str, str, Any, Condition], ...] = field(compare=False)
 
     def matches(self, one: Any) -> bool:
         """Whether a combination, or what else has settings as attributes, meets every condition. What it lacks meets none: rays
         have no sampler."""
         return all(hasattr(one, key) and condition(getattr(one, key)) for key, condition in self.conditions.items())
 
-    def idle_members(self, ones: Sequence[Any]) -> list[tuple[str, Any]]:
-        """The members of lists that match none of these: (key, what the file says)."""
+    def idle_members(self, ones: Sequence[Any]) -> list[tuple[str, str, Any]]:
+        """The members of lists that match none of these: (setting, its place, what the file says)."""
         return [
-            (key, written)
-            for key, members in self.members.items()
-            for written, matches in members
+            (key, where, written)
+            for key, where, written, matches in self.members
             if not any(hasattr(one, key) and matches(getattr(one, key)) for one in ones)
         ]
 
@@ -88,9 +87,22 @@ def _filter(given: Given, context: Any) -> Filter:
     """An empty one is refused, for it would match everything."""
     if not given.written:
         raise given.node.refuse("at least one condition is expected")
-    lists = {key: child for key, child in given.node.value.items() if is_list(key, child)}
-    members = {key: [(each.plain(), condition(key, each)) for each in child.value] for key, child in lists.items()}
+    members = tuple((key, *member) for key, child in given.node.value.items() for member in _members(key, child))
     return Filter(given.written, given.node.plain(), given.node.where, members)
+
+
+def _members(key: str, node: Located) -> Iterator[tuple[str, Any, Condition]]:
+    """The members of the lists in a condition."""
+    if is_list(key, node):
+        yield from ((each.where, each.plain(), condition(key, each)) for each in node.value)
+    elif key in CHOICES and isinstance(node.value, dict):
+        for name, child in node.value.items():
+            for where, written, matches in _members(f"{key}.{name}", child):
+                yield where, written, _of_option(name, matches)
+
+
+def _of_option(name: str, matches: Condition) -> Condition:
+    return lambda found: name in _options(found) and matches(_options(found)[name])
 
 
 FILTER = Record(
@@ -139,8 +151,8 @@ def condition(key: str, node: Located) -> Condition:
         names = _engine_names if key == "engine" else lambda found: (found,)
         return lambda found: any(_same(name, value) for name in names(found))
     if key in CHOICES and not any(name in COMPARISONS for name in value):
-        inner = {name: condition(f"{key}.{name}", child) for name, child in value.items()}
-        return lambda found: all(name in _options(found) and test(_options(found)[name]) for name, test in inner.items())
+        inner = [_of_option(name, condition(f"{key}.{name}", child)) for name, child in value.items()]
+        return lambda found: all(test(found) for test in inner)
     bounds = _BOUNDS.read(node).written
     if not bounds:
         raise node.refuse("bounds are expected: {ge: 2}")

@@ -137,9 +137,9 @@ class ReferenceConfig:
             {"anyOf": [{"const": AUTOMATIC}, _SPP.schema()]},
             lambda spp: AUTOMATIC if spp is None else spp,
         ),
-        "Samples per pixel in all. auto: 16 times those with which an error of the smallest target stands 10 standard errors "
-        "of the reference above zero, or as many as max_time allows; 256 at least; 8192 where the metric is neither relmse nor "
-        "mse, or targets are auto.",
+        "Samples per pixel in all. auto: 16 times the samples that the smallest target needs (an error of that size is then 10 "
+        "standard errors above zero), within max_time, at least 256; 8192 where the metric is neither relmse nor mse, or where "
+        "targets are auto.",
         AUTOMATIC,
     )
     max_time_seconds: float | None = key(

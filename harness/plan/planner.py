@@ -94,8 +94,9 @@ def settings_of(cell: Cell) -> SimpleNamespace:
 def _matching(given: Filter, runs: Sequence[SimpleNamespace], where: str) -> list[SimpleNamespace]:
     """The contestants that a filter matches. Where it matches none, the refusal names the setting that none has."""
     if found := [each for each in runs if given.matches(each)]:
-        for key, written in given.idle_members(runs):
-            raise ConfigError(f"{where} = {given}: no contestant of this experiment has the {key} {json.dumps(written)}")
+        if idle := given.idle_members(runs):
+            key, _, written = idle[0]
+            raise ConfigError(f"{where} = {given}: no contestant of this experiment has {key} {json.dumps(written)}")
         return found
     for key, condition in given.conditions.items():
         named = isinstance(given.written[key], str)

@@ -256,7 +256,7 @@ def _repeats(rows: Sequence[Any], family: int, analysis: Analysis) -> str:
 
 
 def _without_ratio(analysis: Analysis, told: set[str]) -> Iterator[Sentence]:
-    """Of settings that vary in a race without a ratio: in what else contestants differ."""
+    """Of settings that vary without a ratio: in what else contestants differ, and that images have several sizes."""
     baselines = Baselines(analysis.results)
     nearest: dict[str, list[str]] = {}
     for group in ranked_together(analysis.verdicts).values():
@@ -273,4 +273,4 @@ def _without_ratio(analysis: Analysis, told: set[str]) -> Iterator[Sentence]:
     settings = [contestant.settings for contestant in analysis.results.contestants]
     sizes = {(each.scene, each.width, each.height) for each in settings}
     if len(sizes) > len({each.scene for each in settings}):
-        yield Sentence("resolution", "no ratio: images of different sizes have references, and races, of their own.")
+        yield Sentence("resolution", "images of different sizes have no ratio: each size is a race of its own.")

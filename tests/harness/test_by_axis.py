@@ -221,7 +221,7 @@ def test_images_of_several_sizes_are_said_to_have_no_ratio(tmp_path):
         cell.update(width=2 * cell["width"], cell_id=cell["cell_id"] + "wide")
 
     analysis = analyse(results(tmp_path, contestant(0.01), contestant(0.02, change=wide)))
-    assert lines(analysis, "resolution") == ["no ratio: images of different sizes have references, and races, of their own."]
+    assert lines(analysis, "resolution") == ["images of different sizes have no ratio: each size is a race of its own."]
     assert lines(analyse(results(tmp_path / "one", contestant(0.01), contestant(0.02, sampler="sobol"))), "resolution") == []
 
 

@@ -121,11 +121,11 @@ def test_a_member_of_a_list_that_matches_nothing_is_a_warning_with_its_place():
     text = HEAD + "engine: numba\nmatrix: {threads: [1, 2]}\nexclude: [{threads: [2, 3]}]\n"
     text += "extend: [{where: {engine: [numba, numbo], resolution: [[8, 8], 9x9]}, set: {threads: 1}}]\n"
     assert parsed(text).warnings == (
-        "a.yaml:5 exclude[0].threads: 3 matches nothing",
+        "a.yaml:5 exclude[0].threads[1]: 3 matches nothing",
         "a.yaml:6 extend[0].where: this filter matches nothing",
     )
     text = text.replace(", resolution: [[8, 8], 9x9]", "")
-    assert parsed(text).warnings[1:] == ('a.yaml:6 extend[0].where.engine: "numbo" matches nothing',)
+    assert parsed(text).warnings[1:] == ('a.yaml:6 extend[0].where.engine[1]: "numbo" matches nothing',)
 
 
 def test_an_included_cell_takes_what_it_leaves_out_from_the_first_values():

@@ -279,7 +279,7 @@ def test_without_a_reference_cells_are_skipped_with_the_reason(tmp_path):
         ("matrix.engine=['fake_engines:Stedy']", "fake_engines:Stedy: cannot be imported"),
         ("shader=nothing:here", "nothing:here: cannot be imported"),
         ("baseline=stedy", "baseline = 'stedy': no engine of this experiment: did you mean 'steady'?"),
-        ("baseline={engine: [steady, stedy]}", 'no contestant of this experiment has the engine "stedy"'),
+        ("baseline={engine: [steady, stedy]}", 'no contestant of this experiment has engine "stedy"'),
         (
             "pairs=[{contestant: {engine: steady}, baseline: {engine: steady, threads: 64}}]",
             'pairs[0].baseline = {engine: "steady", threads: 64}: no contestant of this experiment has these settings',

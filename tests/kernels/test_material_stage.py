@@ -10,7 +10,7 @@ import pytest
 from engines.kernels.flatten import flatten
 from engines.kernels.flatten.palettes import BYTES, indexed
 from engines.kernels.flatten.shapes import PLANE
-from engines.kernels.layout import LANES, RayBatch, SceneTable
+from engines.kernels.layout import LANES, MISS, SURFACE, RayBatch, SceneTable
 from engines.kernels.stages import material as stage_module
 from engines.numpy_reference.interaction import SurfaceInteraction
 from engines.numpy_reference.materials import Materials
@@ -39,7 +39,7 @@ IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 TURNED = (0.5, -1.5, 0.25, 2.0, 0.75, -0.125)
 
 
-NAMES = {"front": "hit.front", "miss": "hit.kind", "normal": "hit.normal"}
+NAMES = {"front": "hit.front", "kind": "hit.kind", "normal": "hit.normal"}
 NAMES |= {name: f"wrapped.{name}" for name in ("untilted_normal", "outer_normal")}
 """What fields are called in tests of several."""
 
@@ -198,7 +198,7 @@ def test_nested_wrappers_lead_to_one_leaf_with_what_is_left_of_the_draw():
 
 def test_lanes_without_a_hit_or_a_program_keep_what_they_have():
     bsdf = Blend(0.5, GREYS[3], Mask(0.25, GREYS[3]))
-    lanes = shaded(bsdf, alive=[k % 2 for k in range(LANES)], miss=[k // 2 % 2 for k in range(LANES)])
+    lanes = shaded(bsdf, alive=[k % 2 for k in range(LANES)], kind=[(SURFACE, MISS)[k // 2 % 2] for k in range(LANES)])
     works = np.array([k % 2 == 1 and k // 2 % 2 == 0 for k in range(LANES)])
     assert np.array_equal(lanes["bsdf"][0] > 0, works)
     assert (lanes["wrapped.opacity"][0][~works] == 1).all()

@@ -76,7 +76,8 @@ class ScatterResult(NamedTuple):
     throughput: Vec3
     pdf: float
     branch: bool
-    """A second ray follows this one later: whitted's reflection, where there is a refraction too."""
+    """A second ray follows this one later: whitted's reflection, where there is a refraction too. It counts as specular: its
+    `Path.pdf` is infinite."""
     branch_direction: Vec3
     branch_throughput: Vec3
 

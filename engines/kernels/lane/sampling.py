@@ -28,8 +28,7 @@ def cosine_pdf(n, w):
 
 @inline
 def is_delta(pdf):
-    """Whether a pdf is that of a delta distribution: infinite. The bound is in the range of float32, and no pdf of a density
-    comes near it."""
+    """Whether a pdf is that of a delta distribution: infinite. The bound is a float32 that no finite density comes near."""
     return pdf > 3e38
 
 

@@ -4,7 +4,7 @@ Where a scene has masks or tilted normals, both act around the model's functions
 that hides from the camera has only a sample that goes straight on.
 
 Where a scene has one model, the shade stage calls it in its own loop, and nothing is stored. Where it has several, or paths are
-guided, each model has a stage of its own that runs only in batches in which some path holds it, and the shade stage loads the
+guided, each model has a stage of its own that runs only in batches in which some lane has it, and the shade stage loads the
 results.
 """
 

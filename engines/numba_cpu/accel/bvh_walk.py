@@ -82,7 +82,7 @@ class Tree(NamedTuple):
 
 
 class Queues(NamedTuple):
-    """Lanes that stand at a node, and at a leaf. A loop over one queue refills both: it reads a place, then writes there."""
+    """Lanes that stand at a node, and at a leaf. Both are filled again while one is read, never ahead of it."""
 
     nodes: Any
     leaves: Any
