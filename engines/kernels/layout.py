@@ -246,6 +246,9 @@ class RayBatch(LaneRecord):
     formula_row = integer()  # of a shape that is no triangle
     face = record(Face)
     vertex_normal0, vertex_normal1, vertex_normal2 = vector(), vector(), vector()
+    # where the ray meets its shape, in scenes with other shapes than triangles; 1.2 KiB further down, `two_spheres` was 12 % slower
+    # (measured: fields that a loop loads and stores should not lie 4 KiB apart)
+    found = record(ShapeIntersection)
     shape_parameters = doubles(SHAPE_PARAMETERS)
     material = integer()
     two_sided = real()  # 1 or 0
@@ -253,8 +256,6 @@ class RayBatch(LaneRecord):
     emitter_row = integer()  # the same, 0 for none
     emitter_parameters = reals(LIGHT_PARAMETERS)
     emitter_inverse_pmf = real()  # 1 / the probability with which it would be chosen, where that differs between lights
-
-    found = record(ShapeIntersection)  # where the ray meets its shape, in scenes with other shapes than triangles
 
     # what the light stage loads of the light that it samples
     chosen_light = integer()  # its index, -1 for none
