@@ -247,7 +247,7 @@ class RayBatch(LaneRecord):
     face = record(Face)
     vertex_normal0, vertex_normal1, vertex_normal2 = vector(), vector(), vector()
     # where the ray meets its shape, in scenes with other shapes than triangles; further down, `two_spheres` was 12 % slower
-    # (measured: fields that a loop loads and stores should not lie 4 KiB apart)
+    # (measured; probably what a loop loads and stores lay 4 KiB apart)
     found = record(ShapeIntersection)
     shape_parameters = doubles(SHAPE_PARAMETERS)
     material = integer()
