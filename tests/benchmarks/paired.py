@@ -3,10 +3,10 @@
     git worktree add ../base COMMIT            # or: mkdir ../base; git archive COMMIT | tar -x -C ../base
     python -m tests.benchmarks.paired ../base --rounds 8
 
-Processes of the two checkouts alternate, in mirrored order (base, this, this, base). In each, one thread renders every
-scene several times with warm kernels; its figure is the least process time. A round is one process of each checkout. The
-table gives the geometric mean over rounds of paths/s of this checkout over paths/s of the base, with the 95 % interval of
-Student's t for the logarithms. `--images` compares the films bit for bit.
+A round is one process of each checkout, with warm kernels and one thread. The two render every scene in turn, in mirrored
+order (base, this, this, base), a short time each: what slows the machine down meets both. The ratio of a round is the median
+over its pairs. The table gives the geometric mean over rounds of paths/s of this checkout over paths/s of the base, with the
+95 % interval of Student's t for the logarithms. `--images` compares the films bit for bit.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from typing import Any, NamedTuple
 
 HERE = Path(__file__).resolve().parents[2]
 SIDE, DEPTH = 128, 6
-RENDERS = 5
+PAIRS = 20
 IMAGE_SPP = 16
 
 
@@ -76,42 +76,60 @@ def film_hash(film: Any) -> str:
     return hashlib.sha256(b"".join(array.tobytes() for array in arrays)).hexdigest()
 
 
-def work(checkout: Path, job: dict[str, Any]) -> None:
-    """What a process of a checkout does; prints one JSON object, case -> figure."""
-    found: dict[str, Any] = {}
-    for name in job["cases"]:
-        renderer = renderer_of(CASES[name], checkout)
-        if job["task"] == "images":
-            found[name] = film_hash(renderer.render(IMAGE_SPP))
-        elif job["task"] == "samples":  # a pixel, that take about job["seconds"]
-            process_seconds(renderer, 4)
-            found[name] = max(1, round(job["seconds"] / (process_seconds(renderer, 8) / 8)))
-        else:
-            spp = job["samples"][name]
-            process_seconds(renderer, max(1, spp // 4))
-            found[name] = SIDE * SIDE * spp / min(process_seconds(renderer, spp) for _ in range(RENDERS))
-    print(json.dumps(found))
+def work(checkout: Path) -> None:
+    """What a process of a checkout does: answers each line of JSON, a case and the samples a pixel that it shall render, with
+    a line, the seconds that it took; without samples with the hash of a film."""
+    renderers: dict[str, Any] = {}
+    for line in sys.stdin:
+        name, spp = json.loads(line)
+        if name not in renderers:
+            renderers = {name: renderer_of(CASES[name], checkout)}
+        found = process_seconds(renderers[name], spp) if spp else film_hash(renderers[name].render(IMAGE_SPP))
+        print(json.dumps(found), flush=True)
 
 
-def ask(checkout: Path, **job: Any) -> dict[str, Any]:
-    """Runs `work` in a process that imports raybench from `checkout`."""
-    command = [sys.executable, __file__, str(checkout), "--job", json.dumps(job)]
-    paths = {**os.environ, "PYTHONPATH": str(checkout)}
-    done = subprocess.run(command, cwd=checkout, env=paths, stdout=subprocess.PIPE, text=True, check=False)
-    if done.returncode:
-        raise SystemExit(f"the process of {checkout} ended with status {done.returncode}")
-    return json.loads(done.stdout.splitlines()[-1])
+class Worker:
+    """A process that imports raybench from `checkout`, and does `work`."""
+
+    def __init__(self, checkout: Path) -> None:
+        command = [sys.executable, __file__, str(checkout), "--work"]
+        paths = {**os.environ, "PYTHONPATH": str(checkout)}
+        self.checkout = checkout
+        self.process = subprocess.Popen(
+            command, cwd=checkout, env=paths, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1
+        )
+
+    def ask(self, name: str, spp: int) -> Any:
+        self.process.stdin.write(json.dumps((name, spp)) + "\n")
+        answer = self.process.stdout.readline()
+        if not answer:
+            raise SystemExit(f"the process of {self.checkout} ended with status {self.process.wait()}")
+        return json.loads(answer)
+
+    def end(self) -> None:
+        self.process.stdin.close()
+        self.process.wait()
 
 
-def measured(base: Path, samples: dict[str, int], rounds: int) -> list[tuple[dict[str, float], dict[str, float]]]:
-    """Of each round, paths per second of the base's cases and of this checkout's."""
-    found = []
-    for number in range(rounds):
-        order = (base, HERE) if number % 2 == 0 else (HERE, base)
-        rates = {checkout: ask(checkout, task="rates", cases=list(samples), samples=samples) for checkout in order}
-        found.append((rates[base], rates[HERE]))
-        print(f"round {number + 1} of {rounds}", file=sys.stderr)
-    return found
+class Round(NamedTuple):
+    """Of one case: paths per second of the base and of this checkout, and the latter over the former, medians over pairs."""
+
+    base: float
+    this: float
+    ratio: float
+
+
+def measured(base: Worker, this: Worker, name: str, seconds: float) -> Round:
+    """A round of a case, whose renders take about so many seconds."""
+    this.ask(name, 8), base.ask(name, 8)
+    spp = max(1, round(seconds / (base.ask(name, 8) / 8)))
+    pairs = []
+    for number in range(PAIRS):
+        order = (base, this) if number % 2 == 0 else (this, base)
+        took = {worker: worker.ask(name, spp) for worker in order}
+        pairs.append((took[base], took[this]))
+    middle = [SIDE * SIDE * spp / statistics.median(side) for side in zip(*pairs, strict=True)]
+    return Round(*middle, statistics.median(before / after for before, after in pairs))
 
 
 def interval(ratios: list[float]) -> tuple[float, float, float]:
@@ -124,13 +142,12 @@ def interval(ratios: list[float]) -> tuple[float, float, float]:
     return math.exp(mean), math.exp(mean - half), math.exp(mean + half)
 
 
-def show(rounds: list[tuple[dict[str, float], dict[str, float]]]) -> None:
+def show(rounds: dict[str, list[Round]]) -> None:
     print(f"{'':30}{'base':>9}{'this':>9}{'this/base':>11}   95 % interval")
-    for name in rounds[0][0]:
-        base, this = ([side[name] for side in sides] for sides in zip(*rounds, strict=True))
-        mean, low, high = interval([b / a for a, b in zip(base, this, strict=True)])
-        middle = [statistics.median(side) / 1e6 for side in (base, this)]
-        print(f"{name:30}{middle[0]:9.3f}{middle[1]:9.3f}{mean:11.4f}   {low:.4f} to {high:.4f}")
+    for name, found in rounds.items():
+        mean, low, high = interval([one.ratio for one in found])
+        base, this = (statistics.median(getattr(one, side) for one in found) / 1e6 for side in ("base", "this"))
+        print(f"{name:30}{base:9.3f}{this:9.3f}{mean:11.4f}   {low:.4f} to {high:.4f}")
     print("base, this: median million paths per second of process time")
 
 
@@ -157,24 +174,32 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("base", type=Path, metavar="BASE")
     parser.add_argument("--scenes", nargs="+", choices=CASES, default=list(CASES), metavar="NAME", help=", ".join(CASES))
-    parser.add_argument("--rounds", type=int, default=6, help="2 or more")
-    parser.add_argument("--seconds", type=float, default=0.15, help="of one render")
+    parser.add_argument("--rounds", type=int, default=4, help="2 or more")
+    parser.add_argument("--seconds", type=float, default=0.06, help="of one render")
     parser.add_argument("--images", action="store_true", help="compare films bit for bit, time nothing")
-    parser.add_argument("--job", type=json.loads, help=argparse.SUPPRESS)
+    parser.add_argument("--work", action="store_true", help=argparse.SUPPRESS)
     given = parser.parse_args()
     base = given.base.resolve()
-    if given.job:
-        return work(base, given.job)
+    if given.work:
+        return work(base)
     if not (base / "engines" / "__init__.py").exists() or given.rounds < 2:
         parser.error(f"{given.base} is no checkout of raybench" if given.rounds > 1 else "--rounds: 2 or more are expected")
-    if given.images:
-        before, now = (ask(checkout, task="images", cases=given.scenes) for checkout in (base, HERE))
+    rounds: dict[str, list[Round]] = {name: [] for name in given.scenes}
+    differ = False
+    for number in range(1 if given.images else given.rounds):
+        workers = Worker(base), Worker(HERE)
         for name in given.scenes:
-            print(f"{name:30} {'equal' if before[name] == now[name] else 'DIFFERENT'}")
-        return sys.exit(before != now)
-    ask(HERE, task="samples", cases=given.scenes, seconds=0.01)  # fills this checkout's code cache
-    samples = ask(base, task="samples", cases=given.scenes, seconds=given.seconds)
-    rounds = measured(base, samples, given.rounds)
+            if given.images:
+                before, now = (worker.ask(name, 0) for worker in workers)
+                differ |= before != now
+                print(f"{name:30} {'equal' if before == now else 'DIFFERENT'}")
+            else:
+                rounds[name].append(measured(*workers, name, given.seconds))
+        for worker in workers:
+            worker.end()
+        print(f"round {number + 1} of {given.rounds}", file=sys.stderr)
+    if given.images:
+        return sys.exit(differ)
     show_machine()
     show(rounds)
 

@@ -18,6 +18,12 @@ from engines.kernels.layout import LANES
 
 
 @inline
+def may_meet(rays, lane, primitive):
+    """The lane's ray and shadow ray do not leave this primitive, which they would meet again within rounding."""
+    return primitive != rays.origin_primitive[lane]
+
+
+@inline
 def keep_nearer(rays, lane, t, primitive, valid):
     """Takes a hit at distance t when it is nearer than the lane's, or as near and of a lower id."""
     nearest, found = rays.t[lane], rays.primitive[lane]
@@ -58,7 +64,7 @@ def closest_planes(rays, scene, real):
         for lane in range(np.uint64(LANES)):
             o, d = to_float64(rays.origin[lane]), to_float64(rays.direction[lane])
             t = real(plane_distance(o, d, point, normal))
-            keep_nearer(rays, lane, t, primitive, (t > real(0)) & (primitive != rays.origin_primitive[lane]))
+            keep_nearer(rays, lane, t, primitive, (t > real(0)) & may_meet(rays, lane, primitive))
 
 
 @inline
@@ -80,7 +86,7 @@ def occluded_planes(rays, scene, real):
         for lane in range(np.uint64(LANES)):
             o, d = to_float64(rays.shadow.origin[lane]), to_float64(rays.shadow.direction[lane])
             t = real(plane_distance(o, d, point, normal))
-            block_shadow(rays, lane, t, (t > real(0)) & (primitive != rays.origin_primitive[lane]))
+            block_shadow(rays, lane, t, (t > real(0)) & may_meet(rays, lane, primitive))
 
 
 @inline
@@ -128,11 +134,10 @@ def make_analytic_test(kinds: tuple[int, ...], shadow: bool) -> Any:
             primitive = scene.analytic_primitives[i]
             for lane in range(np.uint64(LANES)):
                 t = real(distance(scene, i, to_float64(origin[lane]), to_float64(direction[lane])))
-                other = primitive != rays.origin_primitive[lane]
                 if shadow:
-                    block_shadow(rays, lane, t, other)
+                    block_shadow(rays, lane, t, may_meet(rays, lane, primitive))
                 else:
-                    keep_nearer(rays, lane, t, primitive, (t < real(np.inf)) & other)
+                    keep_nearer(rays, lane, t, primitive, (t < real(np.inf)) & may_meet(rays, lane, primitive))
 
     return test
 

@@ -24,7 +24,7 @@ from engines.kernels.lane.shapes.sphere import sphere_distance
 from engines.kernels.lane.vector import Vec3, dot, to_float64
 from engines.kernels.layout import LANES, SceneTable, ray_batch, scene_table
 from engines.kernels.rows import CameraRow
-from engines.kernels.stages.linear import closest_planes, keep_nearer, make_analytic_test
+from engines.kernels.stages.linear import closest_planes, keep_nearer, make_analytic_test, may_meet
 from engines.numba_cpu.accel import none
 from engines.numba_cpu.accel.primitives import CornersRow, corners, distance_to_triangle, make_ray
 
@@ -184,7 +184,7 @@ def _make(triangles: bool, spheres: bool, planes: bool, analytic: tuple[int, ...
                 for lane in range(np.uint64(LANES)):
                     ray = make_ray(rays.origin[lane], rays.direction[lane], eps, real)
                     t = distance_to_triangle(ray, points, i)
-                    keep_nearer(rays, lane, t, primitive, (t > real(0)) & (primitive != rays.origin_primitive[lane]))
+                    keep_nearer(rays, lane, t, primitive, (t > real(0)) & may_meet(rays, lane, primitive))
             if spheres and (not triangles or i >= scene.n_triangles):
                 k = i - scene.n_triangles
                 center, radius, primitive = scene.spheres[k].center, scene.spheres[k].radius, scene.sphere_primitives[k]

@@ -21,7 +21,15 @@ from engines.kernels.lane.shapes.sphere import sphere_distance
 from engines.kernels.lane.shapes.triangle import ray_frame, triangle_distance
 from engines.kernels.lane.vector import Vec3, extent, to_float64
 from engines.kernels.layout import ACCELERATOR, LANES, RayBatch, ray_batch, scene_table
-from engines.kernels.stages.linear import analytic_distance, block_shadow, closest_planes, keep_nearer, nothing, occluded_planes
+from engines.kernels.stages.linear import (
+    analytic_distance,
+    block_shadow,
+    closest_planes,
+    keep_nearer,
+    may_meet,
+    nothing,
+    occluded_planes,
+)
 from engines.numba_cpu.accel.bvh_build import ANALYTIC, DEEPEST, TRIANGLES
 from engines.numba_cpu.accel.bvh_collapse import CHILDREN, NODE_WORDS, NOTHING, NOTHINGS
 from engines.numba_cpu.accel.bvh_leaves import stride
@@ -276,7 +284,7 @@ def _enter_leaf(rays, lane, o, d, ray, tree, rule, real, row_bytes, bytes_each):
     held = iota() < np.int32(n)
     if rule.triangles and (not rule.spheres or ((code >> 3) & 3) == TRIANGLES):
         t, primitives = _triangles(ray, base, n, real, row_bytes)
-        valid = held & (primitives != np.int32(rays.origin_primitive[lane]))
+        valid = held & may_meet(rays, lane, primitives)
     else:
         t, primitives = _spheres(o, d, base, n, real)
         valid = held
@@ -299,7 +307,7 @@ def _enter_analytic_leaf(rays, scene, lane, o, d, ray, tree, shadow, distance, r
     for k in range(n):
         primitive = words[k]
         t = real(distance(scene, words[n + k], to_float64(o), to_float64(d)))
-        valid = (t < real(np.inf)) & (primitive != rays.origin_primitive[lane])
+        valid = (t < real(np.inf)) & may_meet(rays, lane, primitive)
         if shadow:
             block_shadow(rays, lane, t, valid)
             hidden = rays.shadow.occluded[lane] != 0

@@ -29,6 +29,7 @@ from engines.kernels.stages.linear import (
     closest_planes,
     closest_spheres,
     make_analytic_test,
+    may_meet,
     occluded_planes,
     occluded_spheres,
 )
@@ -225,10 +226,10 @@ def _sheared_vertex(sheared, place, lane):
 def _take(rays, lane, t, primitive, shadow, zero):
     """Takes a distance of a triangle, inf or NaN where it was missed. Ids ascend, so of equals the first stays."""
     if shadow:
-        block_shadow(rays, lane, t, (t > zero) & (primitive != rays.origin_primitive[lane]))
+        block_shadow(rays, lane, t, (t > zero) & may_meet(rays, lane, primitive))
     else:
         nearest, found = rays.t[lane], rays.primitive[lane]
-        better = (t > zero) & (t < nearest) & (primitive != rays.origin_primitive[lane])
+        better = (t > zero) & (t < nearest) & may_meet(rays, lane, primitive)
         rays.t[lane] = select(better, t, nearest)
         rays.primitive[lane] = select(better, np.int64(primitive), found)
 
