@@ -1,4 +1,4 @@
-"""The tree itself: every primitive in one leaf, boxes that hold what is below them, and the same bytes by any threads."""
+"""The tree itself: every primitive in its leaves, boxes that hold what is below them, and the same bytes by any threads."""
 
 import tracemalloc
 from dataclasses import replace
@@ -52,13 +52,11 @@ def leaf_boxes(flat, leaves, code):
     return ids, corners.min(axis=1), corners.max(axis=1)
 
 
-@pytest.mark.parametrize("real", [np.float32, np.float64])
-def test_every_primitive_is_in_one_leaf_and_every_box_holds_what_is_below(real):
-    flat = flat_scene(4, spheres=700, real=real)
-    nodes, leaves = built(flat)
+def boxes_of_primitives(flat, nodes, leaves):
+    """(id, lower corner, upper corner) of the box of each leaf that holds a primitive; boxes hold what is below them."""
     words, found = nodes.view(np.int32), []
 
-    def check(node, low, high):
+    def visit(node, low, high):
         for slot in range(8):
             child = int(words[node, CHILDREN + slot])
             if child == NOTHING:
@@ -66,15 +64,61 @@ def test_every_primitive_is_in_one_leaf_and_every_box_holds_what_is_below(real):
             below, above = nodes[node, slot:24:8], nodes[node, 24 + slot : 48 : 8]
             assert (below >= low).all() and (above <= high).all()
             if child >= 0:
-                check(child, below, above)
-                continue
-            ids, lower, upper = leaf_boxes(flat, leaves, child)
-            assert (lower > below).all() and (upper < above).all()
-            found.extend(ids.tolist())
+                visit(child, below, above)
+            else:
+                found.extend((int(each), below, above) for each in leaf_boxes(flat, leaves, child)[0])
 
-    check(0, np.full(3, -np.inf), np.full(3, np.inf))
-    assert sorted(found) == list(range(20 * 4**4 + 700))
+    visit(0, np.full(3, -np.inf), np.full(3, np.inf))
+    return found
+
+
+@pytest.mark.parametrize("real", [np.float32, np.float64])
+def test_every_point_of_a_triangle_and_of_a_sphere_is_in_a_leaf(real):
+    """A large triangle is in several leaves, each of which has a part of it."""
+    flat = flat_scene(4, spheres=700, real=real)
+    nodes, leaves = built(flat)
+    held = {}
+    for primitive, below, above in boxes_of_primitives(flat, nodes, leaves):
+        held.setdefault(primitive, []).append((below.astype(np.float64), above.astype(np.float64)))
+    triangles = flat.arrays[SceneTable.vertices][flat.arrays[SceneTable.triangles]].astype(np.float64)
+    assert sorted(held) == list(range(len(triangles) + 700))
+    assert len(triangles) < sum(map(len, held.values())) - 700 <= 1.3 * len(triangles)
+    weights = np.random.default_rng(5).dirichlet(np.ones(3) / 2, 20)
+    for primitive, corners in enumerate(triangles):
+        points = np.vstack([corners, weights @ corners])
+        inside = [((points > below) & (points < above)).all(axis=1) for below, above in held[primitive]]
+        assert np.any(inside, axis=0).all()
+    for k, (*center, radius) in enumerate(flat.arrays[SceneTable.spheres]):
+        directions = weights @ np.eye(3) - 0.3
+        points = np.array(center) + radius * directions / np.linalg.norm(directions, axis=1)[:, None]
+        inside = [((points > below) & (points < above)).all(axis=1) for below, above in held[len(triangles) + k]]
+        assert np.any(inside, axis=0).all()
     assert nodes.shape[1] == NODE_WORDS
+
+
+def flat_triangles(corners):
+    """A flat scene of triangles (n, 3, 3)."""
+    scene = engines.scene_from({"raybench_scene": 1, "camera": CAMERA, "materials": {"m": {"kd": 0.5}}, "shapes": []})
+    faces = np.arange(3 * len(corners), dtype=np.int32).reshape(-1, 3)
+    mesh = Mesh(corners.reshape(-1, 3), faces, np.zeros(len(faces), np.int32))
+    return flatten(replace(scene, shapes=(mesh,)), np.float64, np.float64)
+
+
+@pytest.mark.parametrize("n", range(1, 12))
+def test_each_of_a_few_triangles_is_in_one_leaf(n):
+    """One leaf of all of them is the whole tree up to eight."""
+    apart = np.random.default_rng(n).normal(size=(n, 3, 3)) + 10 * np.arange(n)[:, None, None]
+    flat = flat_triangles(apart)
+    assert sorted(primitive for primitive, _, _ in boxes_of_primitives(flat, *built(flat))) == list(range(n))
+
+
+def test_long_triangles_that_lie_aslant_are_cut_in_parts():
+    slant = np.array([[-1.0, -1, -1], [1, 1, -1], [-1, 1, 1]])
+    small = 1e-3 * np.random.default_rng(2).normal(size=(400, 3, 3)) + np.random.default_rng(3).uniform(-0.9, 0.9, (400, 1, 3))
+    flat = flat_triangles(np.vstack([slant[None], small]))
+    found = [primitive for primitive, _, _ in boxes_of_primitives(flat, *built(flat))]
+    assert found.count(0) > 5
+    assert all(found.count(k) == 1 for k in range(1, 401))
 
 
 @pytest.mark.parametrize(
@@ -121,12 +165,18 @@ def test_building_takes_less_than_250_bytes_a_triangle():
     assert flat.arrays[SceneTable.vertices].size and not flat.arrays[SceneTable.spheres].size
 
 
-def test_leaves_are_full_and_wide_nodes_too():
-    nodes, _ = built(flat_scene(6))
+def boxes_in_leaves(nodes):
+    """How many boxes each leaf has."""
     children = nodes.view(np.int32)[:, CHILDREN : CHILDREN + 8]
     leaves = children[(children < 0) & (children != NOTHING)]
-    assert (((-1 - leaves) & 7) + 1).sum() == 81920
-    assert 81920 / len(leaves) > 5
+    return ((-1 - leaves) & 7) + 1
+
+
+def test_leaves_are_full_and_wide_nodes_too():
+    nodes, _ = built(flat_scene(6))
+    children, boxes = nodes.view(np.int32)[:, CHILDREN : CHILDREN + 8], boxes_in_leaves(nodes)
+    assert 81920 <= boxes.sum() < 1.1 * 81920
+    assert boxes.mean() > 5
     assert (children != NOTHING).sum(axis=1).mean() > 6.5
 
 

@@ -1,12 +1,14 @@
-"""Vectors of eight numbers do to each what scalar code does, and sort and reduce as NumPy does."""
+"""Vectors of eight numbers do to each what scalar code does, and reduce as NumPy does."""
 
 import numba
 import numpy as np
 import pytest
 
+from engines.kernels.compile import simd
 from engines.kernels.compile.jit import OPTIONS
 from engines.kernels.compile.memory import array_at
-from engines.kernels.compile.simd import bits, convert, descending, iota, lane, lesser, load8, lowest, splat, store8, swapped
+from engines.kernels.compile.processor import has_feature
+from engines.kernels.compile.simd import bits, convert, iota, lane, lesser, load8, lowest, packed, splat, store8, swapped
 from engines.kernels.compile.values import select
 from engines.kernels.lane.shapes.sphere import sphere_distance
 from engines.kernels.lane.shapes.triangle import triangle_distance
@@ -19,7 +21,7 @@ RNG = np.random.default_rng(11)
 def reduced(values, result):
     table, out = array_at(values.ctypes.data, np.int32), array_at(result.ctypes.data, np.int32)
     eight = load8(table, 0)
-    store8(out, 0, descending(eight))
+    store8(out, 0, packed(eight, eight > np.int32(3)))
     store8(out, 8, swapped(eight))
     store8(out, 16, select(eight > np.int32(3), eight, np.int32(-7)))
     out[24] = lowest(eight)
@@ -27,15 +29,33 @@ def reduced(values, result):
     return bits((eight > np.int32(3)) | (iota() == np.int32(0))), bits(iota() < np.int32(5))
 
 
-def test_eight_integers_are_sorted_reduced_and_selected():
+def test_eight_integers_are_packed_reduced_and_selected():
     for _ in range(500):
         values, out = RNG.integers(-9, 20, 8).astype(np.int32), np.zeros(26, np.int32)
         some, first = reduced(values, out)
-        assert out[:8].tolist() == sorted(values.tolist(), reverse=True)
+        large = values[values > 3].tolist()
+        assert out[: len(large)].tolist() == large
         assert out[8:16].tolist() == np.roll(values, 4).tolist()
         assert out[16:24].tolist() == np.where(values > 3, values, -7).tolist()
         assert (out[24], out[25]) == (values.min(), values[5])
         assert (some, first) == (sum(1 << k for k in range(8) if values[k] > 3 or k == 0), 31)
+
+
+@pytest.mark.parametrize("features", [{"avx2"}, {"avx2", "avx512vl"}, set()], ids=["table", "instruction", "any machine"])
+def test_packed_numbers_are_the_same_by_every_way_to_pack_them(features, monkeypatch):
+    if not features <= {name for name in ("avx2", "avx512vl") if has_feature(name)}:
+        pytest.skip(f"no {sorted(features)[-1]}")
+    monkeypatch.setattr(simd, "has_feature", features.__contains__)
+
+    @numba.njit(**OPTIONS)
+    def pack(values, result):
+        eight = load8(array_at(values.ctypes.data, np.int32), 0)
+        store8(array_at(result.ctypes.data, np.int32), 0, packed(eight, eight > np.int32(0)))
+
+    for mask in range(256):
+        values, out = np.array([k + 1 if mask >> k & 1 else -1 for k in range(8)], np.int32), np.zeros(8, np.int32)
+        pack(values, out)
+        assert out[: mask.bit_count()].tolist() == values[values > 0].tolist()
 
 
 @numba.njit(**OPTIONS)

@@ -15,11 +15,13 @@ from typing import Any
 
 from llvmlite import ir
 from numba import types
+from numba.core import cgutils
 from numba.core.typing import signature as nb_signature
 from numba.core.typing.templates import AbstractTemplate, infer_global
 from numba.extending import intrinsic, lower_builtin
 
 from engines.kernels.compile.memory import tag_access
+from engines.kernels.compile.processor import has_feature
 from engines.kernels.compile.simd_types import WIDTH, Mask, Simd, call_vector, constants, shuffled, spread
 from engines.kernels.compile.weak_literals import WeakFloat
 
@@ -247,25 +249,31 @@ def lowest(typing, a):
 
 
 @intrinsic
-def descending(typing, a):
-    """The eight sorted, the largest first: a bitonic network (Batcher 1968), 24 instructions for integers and no branch."""
+def packed(typing, a, mask):
+    """The int32 numbers that the mask holds, in their order, and behind them any others."""
 
     def generate(context, builder, signature, arguments):
-        value, size = arguments[0], 2
-        while size <= WIDTH:
-            step = size // 2
-            while step > 0:
-                partner = [i ^ (size - 1 if step == size // 2 else step) for i in range(WIDTH)]
-                other = shuffled(builder, value, partner)
-                larger = _larger(builder, a.kind, value, other)
-                high, low = builder.select(larger, value, other), builder.select(larger, other, value)
-                places = [i if i < partner[i] else WIDTH + i for i in range(WIDTH)]
-                value = builder.shuffle_vector(high, low, constants(places))
-                step //= 2
-            size *= 2
-        return value
+        numbers, held = arguments
+        if has_feature("avx2") and not has_feature("avx512vl"):
+            kind = ir.FunctionType(numbers.type, [numbers.type, numbers.type])
+            permute = builder.module.declare_intrinsic("llvm.x86.avx2.permd", (), kind)
+            return builder.call(permute, [numbers, _places_held(builder, held)])
+        kind = ir.FunctionType(numbers.type, [numbers.type, held.type, numbers.type])
+        compress = builder.module.declare_intrinsic("llvm.experimental.vector.compress.v8i32", (), kind)
+        return builder.call(compress, [numbers, held, ir.Constant(numbers.type, ir.Undefined)])
 
-    return a(a), generate
+    return a(a, mask), generate
+
+
+def _places_held(builder: Any, held: Any) -> Any:
+    """Where the numbers lie that a mask holds, from a table of all masks: AVX2 cannot compress."""
+    masks = [[k for k in range(WIDTH) if mask >> k & 1] for mask in range(2**WIDTH)]
+    rows = ir.VectorType(ir.IntType(8), WIDTH)
+    places = ir.Constant(ir.ArrayType(rows, len(masks)), [ir.Constant(rows, [*m, *[0] * (WIDTH - len(m))]) for m in masks])
+    table = cgutils.global_constant(builder, "places_held", places)
+    word = ir.IntType(64)
+    row = builder.gep(table, [ir.Constant(word, 0), builder.zext(builder.bitcast(held, ir.IntType(WIDTH)), word)])
+    return builder.zext(builder.load(row), ir.VectorType(ir.IntType(32), WIDTH))
 
 
 # ---- memory ----------------------------------------------------------------------------------------------------------

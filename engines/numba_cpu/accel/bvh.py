@@ -11,15 +11,15 @@ import numpy as np
 from engines.errors import Unsupported
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten import FlatScene
+from engines.kernels.layout import SceneTable
 from engines.numba_cpu.accel import bvh_walk
-from engines.numba_cpu.accel.bvh_build import LEAF, Growth, grow_tree
+from engines.numba_cpu.accel.bvh_build import EXTRA, OVERLAP, Growth, grow_tree
 from engines.numba_cpu.accel.bvh_collapse import MOST_PRIMITIVES, NODE_WORDS, Choices, weigh, widen
 from engines.numba_cpu.accel.bvh_leaves import empty_leaves, fill_leaves
-from engines.numba_cpu.accel.primitives import fill_records, primitive_counts
+from engines.numba_cpu.accel.primitives import fill_records, padding, primitive_counts, rounding
 
-SMALL, FEWEST = 2**14, 2
-"""Trees of up to SMALL primitives are grown down to FEWEST a leaf, larger ones to LEAF, which costs 0.1 % of the expected time
-of a ray and saves a third of the build."""
+FEWEST = 2
+"""Parts that are not divided further before the choice of the nodes that stay."""
 FARTHEST = 1e29
 """Metres up to which slabs in float32 neither overflow nor lose a box."""
 
@@ -67,12 +67,12 @@ class Grown(NamedTuple):
 
 
 def _build(flat: FlatScene, unit: float, threads: int, pool: Executor) -> tuple[Any, Any]:
-    """Wide nodes, and leaves. What a step no longer needs is freed before the next allocates: 200 bytes a triangle."""
+    """Wide nodes, and leaves. What a step no longer needs is freed before the next allocates: 250 bytes a triangle."""
     grown = _grown(flat, unit, threads, pool)
     nodes, leaves = _widened(grown, _first_of_kinds(flat), pool)
     order = grown.order
     del grown
-    data = empty_leaves(len(order), flat.real)
+    data = empty_leaves(int(leaves[:, 1].sum()), flat.real)
     _share(pool, threads, len(leaves), lambda first, last: fill_leaves(leaves[first:last], order, flat, data))
     return nodes, data
 
@@ -84,19 +84,26 @@ def _first_of_kinds(flat: FlatScene) -> tuple[int, int]:
 
 
 def _grown(flat: FlatScene, unit: float, threads: int, pool: Executor) -> Grown:
-    n = sum(primitive_counts(flat))
+    counts = primitive_counts(flat)
+    n = sum(counts)
+    places, extent = min(n + int(EXTRA * counts[0]), MOST_PRIMITIVES), np.ptp(flat.bounds, axis=0) / unit
     growth = Growth(
-        np.empty((2, n, 8), np.float32),
-        np.empty((2, n), np.int32),
-        np.empty((2 * n, 8), np.float32),
-        np.empty((2 * n, 3), np.int32),
+        np.empty((2, places, 8), np.float32),
+        np.empty((2, places), np.int32),
+        np.empty((2 * places, 8), np.float32),
+        np.empty((2 * places, 3), np.int32),
+        flat.arrays[SceneTable.vertices],
+        flat.arrays[SceneTable.triangles],
         *_first_of_kinds(flat),
-        FEWEST if n <= SMALL else LEAF,
+        FEWEST,
+        unit,
+        padding(flat),
+        rounding(flat),
+        OVERLAP * float(extent[0] * extent[1] + extent[1] * extent[2] + extent[2] * extent[0]),
     )
-    records, order = growth.records[0], growth.order[0]
-    _share(pool, threads, n, lambda first, last: fill_records(flat, unit, first, last, records, order))
-    filled, above = grow_tree(growth, pool)
-    return Grown(unit, order.copy(), growth.boxes, growth.links, filled, above)
+    _share(pool, threads, n, lambda first, last: fill_records(flat, unit, first, last, growth.records[0], growth.order[0]))
+    filled, above = grow_tree(growth, n, pool)
+    return Grown(unit, growth.order[0].copy(), growth.boxes, growth.links, filled, above)
 
 
 def _widened(grown: Grown, first_of_kinds: tuple[int, int], pool: Executor) -> tuple[Any, Any]:
@@ -107,8 +114,8 @@ def _widened(grown: Grown, first_of_kinds: tuple[int, int], pool: Executor) -> t
     for node in grown.above:
         weigh(boxes, links, choices, node, node + 1, order, *first_of_kinds)
     tree = boxes, unit, links, choices.ways, order, *first_of_kinds
-    counts = widen(*tree, False, np.empty((0, NODE_WORDS), np.float32), np.empty((0, 3), np.int32))
-    nodes, leaves = np.empty((counts[0], NODE_WORDS), np.float32), np.empty((counts[1], 3), np.int32)
+    counts = widen(*tree, False, np.empty((0, NODE_WORDS), np.float32), np.empty((0, 4), np.int32))
+    nodes, leaves = np.empty((counts[0], NODE_WORDS), np.float32), np.empty((counts[1], 4), np.int32)
     widen(*tree, True, nodes, leaves)
     return nodes, leaves
 

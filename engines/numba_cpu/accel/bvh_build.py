@@ -1,9 +1,13 @@
-"""Growing a two-wide tree over boxes: binned surface area heuristic (Wald 2007), without recursion, by all threads.
+"""Growing a two-wide tree over boxes by the surface area heuristic, without recursion, by all threads: planes between bins
+of boxes (Wald 2007), between any two of few, and where halves would overlap planes that cut triangles in two (Stich, Friedrich
+and Dietrich 2009).
 
 A box is eight float32 numbers, its lower and its negated upper corner with a spare beside each, so that one vector
-minimum joins two. A node is a box and a link (first, count, split): it holds the primitives order[first : first + count], and
-unless split is 0 its halves are the nodes `split` and `split` + 1. The tree over primitives [first, last) owns the places
-2 first + 2 .. 2 last - 1, so the nodes lie in the same places whichever thread puts them there, and in whatever order.
+minimum joins two, and a box of inf is empty. A *part* is a box of a primitive, or of what lies of it between planes. A node is
+a box and a link (start, count, split): it holds the parts order[start : start + count], and unless split is 0 its halves are
+the nodes `split` and `split` + 1. A node's parts lie in a window [first, end) of places, which has room for those that planes
+add; its tree owns the places 2 first + 2 .. 2 end - 1 of nodes, so the nodes lie in the same places whichever thread puts them
+there, and in whatever order.
 """
 
 from __future__ import annotations
@@ -19,43 +23,53 @@ from engines.kernels.compile.jit import inline, kernel
 from engines.kernels.compile.memory import array_at
 from engines.kernels.compile.simd import convert, lane, lesser, load8, splat, store8, swapped
 from engines.kernels.compile.values import select
+from engines.numba_cpu.accel.bvh_cuts import CUT_SCRATCH, Copy, Plane, Window, find_cut, half_area, move_cut
 
-BINS = 16
+BINS = 32
+SWEPT = 64
+"""Of up to so many primitives every plane between two of them is looked at, not those of bins alone."""
 LEAF = 8
 """Primitives a leaf may hold, all of one kind."""
 DEEPEST = 48
 """Below this depth nodes are halved by count, which bounds the depth by DEEPEST + log2(n) + 1."""
 TASK = 4096
 """Up to so many primitives are one task; what holds more is divided by a task of its own, up to 64 of them."""
-SCRATCH = 10 * 3 * BINS + 16
+OVERLAP = 1e-3
+"""Planes that cut are looked at where the halves of a node would have this share of the scene's area in common."""
+EXTRA = 0.3
+"""Parts beside whole primitives, at most, as a share of the triangles."""
+SEARCH = max(10 * 3 * BINS + 16, 5 * SWEPT)
+"""Numbers that the search for a plane between parts works on."""
+SCRATCH = SEARCH + CUT_SCRATCH
 TRIANGLES, SPHERES, ANALYTIC = range(3)
 """Kinds of primitives, in the order in which they are numbered."""
 
 
 class Growth(NamedTuple):
-    """`records` (2, n, 8) float32 boxes and `order` (2, n) int32: each division moves primitives from one copy to the other.
-    `boxes` (2n, 8) float32 and `links` (2n, 3) int32: the tree. Up to `fewest` of a kind are not divided."""
+    """Of n places: `records` (2, n, 8) float32 boxes and `order` (2, n) int32: each division moves parts from one copy to the
+    other. `boxes` (2n, 8) float32 and `links` (2n, 3) int32: the tree. Up to `fewest` of a kind are not divided. Boxes are in
+    multiples of `unit`, triangles in metres; boxes of parts are padded by `pad`, and by the share `rounding` of each number."""
 
     records: NDArray[np.float32]
     order: NDArray[np.int32]
     boxes: NDArray[np.float32]
     links: NDArray[np.int32]
+    vertices: NDArray[Any]
+    faces: NDArray[np.int32]
     first_sphere: int
     first_analytic: int
     fewest: int
+    unit: float
+    pad: float
+    rounding: float
+    least_overlap: float
+    """Of halves, as half an area."""
 
 
 @inline
 def kind_of(i, first_sphere, first_analytic):
     """TRIANGLES, SPHERES or ANALYTIC: the kind of primitive number i."""
     return np.int64(i >= first_sphere) + np.int64(i >= first_analytic)
-
-
-@inline
-def half_area(box):
-    extent = box + swapped(box)  # lower minus upper corner
-    x, y, z = lane(extent, 0), lane(extent, 1), lane(extent, 2)
-    return x * y + y * z + z * x
 
 
 @inline
@@ -97,8 +111,17 @@ def _fill_bins(records, first, last, centers, scale, boxes, counts, bins):
 
 
 @inline
+def _common_half_area(a, b):
+    """Of what lies in both boxes."""
+    common = select(a > b, a, b)
+    extent = common + swapped(common)
+    x, y, z = lane(extent, 0), lane(extent, 1), lane(extent, 2)
+    return select((x < 0) & (y < 0) & (z < 0), x * y + y * z + z * x, np.float32(0))
+
+
+@inline
 def _best_plane(boxes, counts, behind, n, bins):
-    """(axis, last bin before the plane) where count times area, summed over both sides, is least; axis -1 for none."""
+    """The best plane between two bins. An empty side costs NaN or inf."""
     least, best_axis, best_bin = np.float32(np.inf), -1, 0
     for axis in range(3):
         box, held = splat(np.float32(np.inf)), 0
@@ -111,16 +134,20 @@ def _best_plane(boxes, counts, behind, n, bins):
             box = lesser(box, load8(boxes, 8 * b))
             held += np.int64(counts[b])
             cost = np.float32(held) * half_area(box) + behind[b + 1]
-            if cost < least and held > 0 and held < n:  # an empty side costs NaN or inf
-                least, best_axis, best_bin = cost, axis, b - axis * BINS
-    return best_axis, best_bin
+            if cost < least and held > 0 and held < n:
+                least, best_axis, best_bin = cost, axis, b + 1 - axis * BINS
+    if best_axis < 0:  # all centres are equal
+        return Plane(least, -1, 0, np.float32(np.inf))
+    left = right = splat(np.float32(np.inf))
+    for b in range(bins):
+        box = load8(boxes, 8 * (best_axis * BINS + b))
+        left, right = (lesser(left, box), right) if b < best_bin else (left, lesser(right, box))
+    return Plane(least, best_axis, best_bin, _common_half_area(left, right))
 
 
 @inline
-def _divide_by_plane(source, target, first, last, centers, scratch):
-    """Moves primitives to the other copy, those before the best plane to the front; returns how many those are, or 0 and moves
-    nothing where there is no plane."""
-    n = last - first
+def _find_plane(source, start, n, centers, scratch):
+    """The best plane between bins of boxes."""
     boxes, behind = array_at(scratch, np.float32), array_at(scratch + 32 * 3 * BINS, np.float32)
     counts, few = array_at(scratch + 36 * 3 * BINS, np.int32), array_at(scratch + 40 * 3 * BINS, np.float32)
     bins = min(BINS, 4 + n // 2)
@@ -128,28 +155,46 @@ def _divide_by_plane(source, target, first, last, centers, scratch):
     store8(few, 0, splat(np.float32(0)))
     for axis in range(3):
         few[axis] = _bins_per_unit(centers, axis, bins)
-    _fill_bins(source.boxes, first, last, centers, load8(few, 0), boxes, counts, bins)
-    axis, plane = _best_plane(boxes, counts, behind, n, bins)
-    if axis < 0:
-        return 0
-    low, scale = few[8 + axis], few[axis]
-    front, back = first, last - 1
-    for k in range(first, last):
-        center = source.boxes[8 * k + axis] - source.boxes[8 * k + 4 + axis]
-        before = np.int64(np.int32((center - low) * scale) <= plane)
-        place = back + before * (front - back)  # no branch: it would be missed half of the time
-        store8(target.boxes, 8 * place, load8(source.boxes, 8 * k))
-        target.order[place] = source.order[k]
-        front += before
-        back -= 1 - before
-    return front - first
+    _fill_bins(source.boxes, start, start + n, centers, load8(few, 0), boxes, counts, bins)
+    return _best_plane(boxes, counts, behind, n, bins)
 
 
-class Copy(NamedTuple):
-    """Arrays of one of the two copies of the primitives."""
+@inline
+def _sort_along(boxes, start, n, axis, keys, places):
+    """Sorts the places of n parts by their centres along an axis, of equal ones by where they are."""
+    for k in range(n):
+        key = boxes[8 * (start + k) + axis] - boxes[8 * (start + k) + 4 + axis]
+        j = k
+        while j > 0 and keys[j - 1] > key:
+            keys[j], places[j] = keys[j - 1], places[j - 1]
+            j -= 1
+        keys[j], places[j] = key, np.int32(start + k)
 
-    boxes: Any
-    order: Any
+
+@inline
+def _sweep(source, start, n, scratch):
+    """The best of all planes between two of few parts, whose places are left in order along each axis."""
+    keys, behind = array_at(scratch, np.float32), array_at(scratch + 4 * SWEPT, np.float32)
+    least, best_axis, best = np.float32(np.inf), 0, n // 2
+    for axis in range(3):
+        places = array_at(scratch + 4 * SWEPT * (2 + axis), np.int32)
+        _sort_along(source.boxes, start, n, axis, keys, places)
+        box = splat(np.float32(np.inf))
+        for k in range(n - 1, 0, -1):
+            box = lesser(box, load8(source.boxes, 8 * np.int64(places[k])))
+            behind[k] = np.float32(n - k) * half_area(box)
+        box = splat(np.float32(np.inf))
+        for k in range(1, n):
+            box = lesser(box, load8(source.boxes, 8 * np.int64(places[k - 1])))
+            cost = np.float32(k) * half_area(box) + behind[k]
+            if cost < least:
+                least, best_axis, best = cost, axis, k
+    left = right = splat(np.float32(np.inf))
+    places = array_at(scratch + 4 * SWEPT * (2 + best_axis), np.int32)
+    for k in range(n):
+        box = load8(source.boxes, 8 * np.int64(places[k]))
+        left, right = (lesser(left, box), right) if k < best else (left, lesser(right, box))
+    return Plane(least, best_axis, best, _common_half_area(left, right))
 
 
 @inline
@@ -161,115 +206,171 @@ def _copy(growth, k):
 
 
 @inline
-def _move(source, target, first, last):
-    for k in range(first, last):
-        store8(target.boxes, 8 * k, load8(source.boxes, 8 * k))
-        target.order[k] = source.order[k]
+def _move(source, target, window, before):
+    """Moves parts to the other copy, the first ones to the front of the window, the others to its back."""
+    shift = window.end - window.count
+    for k in range(window.count):
+        place = window.first + k if k < before else shift + k
+        store8(target.boxes, 8 * place, load8(source.boxes, 8 * (window.start + k)))
+        target.order[place] = source.order[window.start + k]
+    return before
 
 
 @inline
-def _count_below(order, first, last, bound):
-    """How many of order[first:last] are below a bound."""
+def _move_sorted(source, target, window, before, places):
+    """The same in the order of `places`."""
+    shift = window.end - window.count
+    for k in range(window.count):
+        place, here = window.first + k if k < before else shift + k, np.int64(places[k])
+        store8(target.boxes, 8 * place, load8(source.boxes, 8 * here))
+        target.order[place] = source.order[here]
+    return before
+
+
+@inline
+def _move_by_plane(source, target, window, plane, centers, scratch):
+    """Moves the parts of which the centre lies in a bin before the plane to the front; returns how many those are."""
+    few, axis = array_at(scratch + 40 * 3 * BINS, np.float32), plane.axis
+    low, scale = few[8 + axis], few[axis]
+    front, back = window.first, window.end - 1
+    for k in range(window.start, window.start + window.count):
+        center = source.boxes[8 * k + axis] - source.boxes[8 * k + 4 + axis]
+        before = np.int64(np.int32((center - low) * scale) < plane.before)
+        place = back + before * (front - back)  # no branch: it would be missed half of the time
+        store8(target.boxes, 8 * place, load8(source.boxes, 8 * k))
+        target.order[place] = source.order[k]
+        front += before
+        back -= 1 - before
+    return front - window.first
+
+
+@inline
+def _count_below(order, window, bound):
+    """How many of the parts are of primitives numbered below a bound."""
     below = 0
-    for k in range(first, last):
+    for k in range(window.start, window.start + window.count):
         below += np.int64(np.int64(order[k]) < bound)
     return below
 
 
 @inline
-def _divide_by_number(source, target, first, last, bound):
-    """Moves primitives to the other copy, those numbered below a bound to the front; returns how many those are."""
-    front, back = first, last - 1
-    for k in range(first, last):
+def _move_by_number(source, target, window, bound):
+    """Moves the parts of primitives numbered below a bound to the front; returns how many those are."""
+    front, back = window.first, window.end - 1
+    for k in range(window.start, window.start + window.count):
         before = np.int64(np.int64(source.order[k]) < bound)
         place = back + before * (front - back)
         store8(target.boxes, 8 * place, load8(source.boxes, 8 * k))
         target.order[place] = source.order[k]
         front += before
         back -= 1 - before
-    return front - first
+    return front - window.first
 
 
 @inline
-def _divide(growth, node, copy, first, last, depth, scratch):
-    """Writes a node and moves its primitives to the other copy, in two parts; returns where the second begins, -1 for a
-    leaf."""
-    n, source, target = last - first, _copy(growth, copy), _copy(growth, 1 - copy)
-    box, centers = _survey(source.boxes, first, last)
+def _divide(growth, node, copy, window, depth, scratch):
+    """Writes a node and moves its parts to the other copy, to the front of the window and to its back; returns how many are on
+    either side, 0 of a leaf."""
+    n, start, source, target = window.count, window.start, _copy(growth, copy), _copy(growth, 1 - copy)
+    box, centers = _survey(source.boxes, start, start + n)
     store8(array_at(growth.boxes.ctypes.data, np.float32), 8 * node, box)
-    growth.links[node, 0], growth.links[node, 1], growth.links[node, 2] = first, n, 0
+    growth.links[node, 0], growth.links[node, 1], growth.links[node, 2] = start, n, 0
     if n <= LEAF:
-        bound = growth.first_sphere
-        below = _count_below(source.order, first, last, bound)
-        if growth.first_analytic < growth.order.shape[1] and not 0 < below < n:
-            bound = growth.first_analytic
-            below = _count_below(source.order, first, last, bound)
+        bound = np.int64(growth.first_sphere)
+        below = _count_below(source.order, window, bound)
+        if not 0 < below < n:
+            bound = np.int64(growth.first_analytic)
+            below = _count_below(source.order, window, bound)
         if 0 < below < n:
-            return first + _divide_by_number(source, target, first, last, bound)
+            return _move_by_number(source, target, window, bound), n - below
         if n <= growth.fewest:
-            return -1
-    size = 0
+            return 0, 0
     if depth < DEEPEST:
-        size = _divide_by_plane(source, target, first, last, centers, scratch)
-    if size == 0:
-        size = n // 2
-        _move(source, target, first, last)
-    return first + size
+        swept = n <= SWEPT
+        plane = _sweep(source, start, n, scratch) if swept else _find_plane(source, start, n, centers, scratch)
+        if plane.overlap > growth.least_overlap and window.end - window.first > n:
+            cut = find_cut(growth, source, window, box, scratch + 4 * SEARCH)
+            if cut.cost < plane.cost:
+                before, behind = move_cut(growth, source, target, window, box, cut, scratch + 4 * SEARCH)
+                if before > 0 and behind > 0:
+                    return before, behind
+        if swept:
+            places = array_at(scratch + 4 * SWEPT * (2 + plane.axis), np.int32)
+            return _move_sorted(source, target, window, plane.before, places), n - plane.before
+        if plane.axis >= 0:
+            before = _move_by_plane(source, target, window, plane, centers, scratch)
+            return before, n - before
+    return _move(source, target, window, n // 2), n - n // 2
+
+
+@inline
+def _window(first, end, start, count):
+    """The window of a node. What may become a leaf has no room: its parts stay side by side."""
+    return Window(first, end, start, count) if count > LEAF else Window(start, start + count, start, count)
+
+
+@inline
+def _windows(window, before, behind):
+    """The windows of both halves, each with room in proportion to its parts."""
+    room = window.end - window.first - before - behind
+    middle = window.first + before + room * before // (before + behind)
+    return _window(window.first, middle, window.first, before), _window(middle, window.end, window.end - behind, behind)
 
 
 @kernel
-def divide(growth, node, copy, first, last, depth, scratch):
-    """Divides a large node once; its halves have their places, but are not written yet."""
-    middle = _divide(growth, node, copy, first, last, depth, scratch.ctypes.data)
-    growth.links[node, 2] = 2 * middle
-    return middle
-
-
-@kernel
-def grow(growth, node, copy, first, last, depth, scratch):
-    """Grows all below a node and leaves its primitives' order in copy 0; returns the end of the places used."""
-    todo = np.empty((2 * (DEEPEST + 40), 5), np.int64)
-    todo[0, 0], todo[0, 1], todo[0, 2], todo[0, 3], todo[0, 4] = node, copy, first, last, depth
-    top, used = 1, 2 * first + 2
+def grow(growth, node, copy, window, depth, once, todo, scratch):
+    """Grows all below a node and leaves the order of its parts in copy 0; returns the end of the places used. With `once` it is
+    divided once: its halves have their places, but are not written yet, and are left in `todo` (n, 7), the second one first:
+    node, copy, depth, window."""
+    todo[0, 0], todo[0, 1], todo[0, 2] = node, copy, depth
+    todo[0, 3], todo[0, 4], todo[0, 5], todo[0, 6] = window
+    top, used = 1, 2 * window[0] + 2
     while top > 0:
         top -= 1
-        node, copy, first, last, depth = todo[top, 0], todo[top, 1], todo[top, 2], todo[top, 3], todo[top, 4]
-        middle = _divide(growth, node, copy, first, last, depth, scratch.ctypes.data)
-        if middle < 0:
+        node, copy, depth = todo[top, 0], todo[top, 1], todo[top, 2]
+        window = Window(todo[top, 3], todo[top, 4], todo[top, 5], todo[top, 6])
+        before, behind = _divide(growth, node, copy, window, depth, scratch.ctypes.data)
+        if before == 0:
             if copy == 1:
-                for k in range(first, last):
+                for k in range(window.start, window.start + window.count):
                     growth.order[0, k] = growth.order[1, k]
             continue
+        halves = _windows(window, before, behind)
+        if once:
+            used = 2 * halves[1].first
         growth.links[node, 2] = used
         for side in range(2):
-            todo[top, 0], todo[top, 1], todo[top, 4] = used + 1 - side, 1 - copy, depth + 1
-            todo[top, 2], todo[top, 3] = (first, middle) if side else (middle, last)
+            half = halves[0] if side else halves[1]
+            todo[top, 0], todo[top, 1], todo[top, 2] = used + 1 - side, 1 - copy, depth + 1
+            todo[top, 3], todo[top, 4], todo[top, 5], todo[top, 6] = half
             top += 1
+        if once:
+            break
         used += 2
     return used
 
 
-def grow_tree(growth: Growth, pool: Executor) -> tuple[list[tuple[int, int]], list[int]]:
-    """Grows the tree over all primitives. Returns the ranges of places that were filled, in each of which nodes follow those
-    they lie below, and the nodes above, each after all that lie below it."""
-    n = growth.order.shape[1]
+def grow_tree(growth: Growth, n: int, pool: Executor) -> tuple[list[tuple[int, int]], list[int]]:
+    """Grows the tree over n primitives, which lie at the first places. Returns the ranges of places of nodes that were filled,
+    in each of which nodes follow those they lie below, and the nodes above, each after all that lie below it."""
     large = max(TASK, n // 64)
     filled: list[tuple[int, int]] = []
     above: list[tuple[int, int]] = []
-    pending: deque[Any] = deque()
 
-    def task(node: int, copy: int, first: int, last: int, depth: int) -> None:
-        scratch = np.empty(SCRATCH, np.float32)
-        if last - first <= large:
-            filled.append((2 * first + 2, grow(growth, node, copy, first, last, depth, scratch)))
-            above.append((0, node))
-            return
-        middle = divide(growth, node, copy, first, last, depth, scratch)
-        above.append((last - first, node))
-        pending.append(pool.submit(task, 2 * middle, 1 - copy, first, middle, depth + 1))
-        pending.append(pool.submit(task, 2 * middle + 1, 1 - copy, middle, last, depth + 1))
+    def task(node: int, copy: int, depth: int, *window: int) -> list[Any]:
+        """Grows a tree, or divides a large node; returns what is left to do."""
+        todo, scratch = np.empty((2 * (DEEPEST + 40), 7), np.int64), np.empty(SCRATCH, np.float32)
+        first, end, _, count = window
+        once = count > large
+        used = grow(growth, node, copy, window, depth, once, todo, scratch)
+        if once:
+            above.append((end - first, node))
+            return todo[:2].tolist()
+        above.append((0, node))
+        filled.append((2 * first + 2, used))
+        return []
 
-    pending.append(pool.submit(task, 0, 0, 0, n, 0))
+    pending = deque([pool.submit(task, 0, 0, 0, *_window(0, growth.order.shape[1], 0, n))])
     while pending:
-        pending.popleft().result()
+        pending.extend(pool.submit(task, *half) for half in pending.popleft().result())
     return filled, [node for _, node in sorted(above)]

@@ -26,8 +26,10 @@ primitives of a kind from place `first`."""
 CHILDREN, NOTHINGS = 48, 56
 NOTHING = -(2**31)
 MOST_PRIMITIVES = 2**26 - 1
-TINY = 3e-45
-"""Two units in the last place of the smallest numbers, by which boxes are widened: rounding there is not relative."""
+TINY = 2.0**-100
+"""By so many multiples of `unit` boxes are widened, as rounding of the smallest numbers is not relative. A plane at 0 must not
+become a denormal number, with which processors compute slowly: it is LEAST at least."""
+LEAST = 1.2e-38
 
 
 class Choices(NamedTuple):
@@ -104,20 +106,22 @@ def _children(links, ways, n, found, todo):
 
 @inline
 def _put_child(boxes, unit, nodes, place, m):
+    tiny = max(TINY * unit, LEAST)
     for axis in range(3):
-        nodes[place + 8 * axis] = np.float32(boxes[m, axis] * unit - TINY if m >= 0 else np.inf)
-        nodes[place + 24 + 8 * axis] = np.float32(TINY - boxes[m, 4 + axis] * unit if m >= 0 else -np.inf)
+        nodes[place + 8 * axis] = np.float32(boxes[m, axis] * unit - tiny if m >= 0 else np.inf)
+        nodes[place + 24 + 8 * axis] = np.float32(tiny - boxes[m, 4 + axis] * unit if m >= 0 else -np.inf)
 
 
 @kernel
 def widen(boxes, unit, links, ways, order, first_sphere, first_analytic, write, nodes, leaves):
-    """Fills wide `nodes` (k, 64) float32, depth first, and `leaves` (l, 3) int32: first, count, kind. Returns (k, l), and
-    with `write` False only those. `boxes` are in multiples of `unit`."""
+    """Fills wide `nodes` (k, 64) float32, depth first, and `leaves` (l, 4) int32: where their parts start in `order`, count,
+    kind, and the place in memory of the first. Returns (k, l), and with `write` False only those. `boxes` are in multiples of
+    `unit`."""
     numbers, words = array_at(nodes.ctypes.data, np.float32), array_at(nodes.ctypes.data, np.int32)
     found, work = np.empty(WIDTH, np.int64), np.empty((2 * WIDTH, 2), np.int64)
     todo = np.empty((1024, 2), np.int64)
     todo[0, 0], todo[0, 1] = 0, 0
-    top, used, ended = 1, 1, 0
+    top, used, ended, placed = 1, 1, 0, 0
     while top > 0:
         top -= 1
         n, base = todo[top, 0], todo[top, 1] * NODE_WORDS
@@ -130,8 +134,10 @@ def widen(boxes, unit, links, ways, order, first_sphere, first_analytic, write, 
                     kind = kind_of(order[links[m, 0]], first_sphere, first_analytic)
                     if write:
                         leaves[ended, 0], leaves[ended, 1], leaves[ended, 2] = links[m, 0], links[m, 1], kind
-                    child = -1 - (32 * links[m, 0] + 8 * kind + links[m, 1] - 1)
+                        leaves[ended, 3] = placed
+                    child = -1 - (32 * placed + 8 * kind + np.int64(links[m, 1]) - 1)
                     ended += 1
+                    placed += np.int64(links[m, 1])
                 else:
                     todo[top, 0], todo[top, 1] = m, used
                     child = used

@@ -32,7 +32,7 @@ def empty_leaves(n: int, real: Any) -> NDArray[np.uint8]:
 
 
 def fill_leaves(leaves: NDArray[np.int32], order: NDArray[np.int32], flat: FlatScene, data: NDArray[np.uint8]) -> None:
-    """Writes the given `leaves` (k, 3): first, count, kind."""
+    """Writes the given `leaves` (k, 4), see `widen`."""
     fields = (
         *(SceneTable.vertices, SceneTable.triangles, SceneTable.triangle_primitives, SceneTable.spheres),
         *(SceneTable.sphere_primitives, SceneTable.analytic_primitives),
@@ -46,7 +46,7 @@ def _make_fill(real: Any) -> Any:
     def fill(leaves, order, vertices, faces, face_ids, spheres, sphere_ids, analytic_ids, data):
         for leaf in range(len(leaves)):
             first, n, kind = np.int64(leaves[leaf, 0]), np.int64(leaves[leaf, 1]), leaves[leaf, 2]
-            base = data.ctypes.data + first * bytes_each
+            base = data.ctypes.data + np.int64(leaves[leaf, 3]) * bytes_each
             if kind == ANALYTIC:
                 words = array_at(base, np.int32)
                 for k in range(n):

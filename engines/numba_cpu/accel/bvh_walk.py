@@ -13,10 +13,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from engines.kernels.compile.jit import compile_stage, inline
+from engines.kernels.compile.masks import positive_lanes
 from engines.kernels.compile.memory import address_of, array_at, prefetch
 from engines.kernels.compile.records import Table, array, table_view
-from engines.kernels.compile.simd import as_bits, bits, convert, descending, iota, load8, lowest, splat, store8
-from engines.kernels.compile.values import bits_set, float_bits, fma, highest_bit, select
+from engines.kernels.compile.simd import as_bits, bits, convert, iota, load8, lowest, packed, splat, store8
+from engines.kernels.compile.values import bits_set, float_bits, fma, highest_bit, lowest_bit, select
 from engines.kernels.lane.shapes.sphere import sphere_distance
 from engines.kernels.lane.shapes.triangle import ray_frame, triangle_distance
 from engines.kernels.lane.vector import Vec3, extent, to_float64
@@ -49,11 +50,12 @@ WIDEN = 1 + 16 * EPS
 
 # A ray's record, in 32-bit words: 1 / direction, offsets of near and far planes, the widened distance of the nearest hit
 # and its bits as a bound of keys; rows of near planes, the child to enter, height of the stack; axis order and reals for
-# triangles.
+# triangles. Then the stack: keys and nodes of the children that wait, of a shadow ray the children themselves.
 INVERSE, NEAR, FAR, T_MAX, BOUND, ROW, CHILD, HEIGHT, AXES, REALS = 0, 3, 6, 9, 10, 11, 14, 15, 16, 20
 KEYS = 32
-# Three levels of the two-wide tree make seven entries at most; eight are written at a time, and eight lie below the first.
-STACK = 7 * (DEEPEST + 32) // 3 + 21
+# A node leaves seven entries at most, and each wide node is a level of the two-wide tree at least; eight are written at a time,
+# and eight lie below the first.
+STACK = 7 * (DEEPEST + 32) + 21
 PARENTS = KEYS + STACK
 RECORD = -(-(PARENTS + STACK) // 16) * 16
 AT_NODES, AT_LEAVES = LANES * RECORD, LANES * RECORD + LANES + 1
@@ -139,8 +141,8 @@ def _start_axis(ray, axis, o, d, error_bound, tiny):
 
 
 @inline
-def _start(ray, o, d, t):
-    """Sets up a ray at the root."""
+def _start(ray, o, d, t, shadow):
+    """Sets up a ray at the root. The bottom of its stack leads to nothing; of keys it is always near enough."""
     far = np.float32(extent(o))
     error_bound = far * np.float32(PAD_ULPS * EPS)
     tiny = _most(np.float32(1e-18), far * np.float32(1e-37))  # no offset overflows
@@ -150,8 +152,11 @@ def _start(ray, o, d, t):
     _set_t_max(ray, t)
     ray.words[CHILD] = 0
     ray.words[HEIGHT] = 0
-    store8(ray.words, KEYS, splat(np.int32(0)))  # the bottom of the stack is always near enough, and leads to nothing
-    ray.words[PARENTS + 7] = NOTHINGS
+    if shadow:
+        ray.words[KEYS] = NOTHING
+    else:
+        store8(ray.words, KEYS, splat(np.int32(0)))
+        ray.words[PARENTS + 7] = NOTHINGS
 
 
 @inline
@@ -171,7 +176,7 @@ def _start_shear(ray, o, d):
 
 
 @inline
-def _nearest_waiting(ray, height):
+def _topmost_within(ray, height):
     """Where the topmost entry of the stack lies that is nearer than the hit so far: eight are looked at with one comparison."""
     within = bits(load8(ray.words, KEYS + height) <= ray.words[BOUND])
     while within == 0:
@@ -189,14 +194,21 @@ def _take(ray, words, entry):
 
 
 @inline
+def _take_last(ray):
+    """Takes the last child off the stack of a shadow ray."""
+    height = np.int64(ray.words[HEIGHT])
+    ray.words[HEIGHT] = height - 1
+    return ray.words[KEYS + height]
+
+
+@inline
 def _slab(planes, node, row, ray, axis, offset):
     return fma(load8(planes, node + row), splat(ray.numbers[INVERSE + axis]), splat(ray.numbers[offset + axis]))
 
 
 @inline
-def _enter_node(ray, tree):
-    """Puts the children that the ray meets on its stack, the nearest on top, and takes the top; returns the child."""
-    node, height = NODE_WORDS * np.int64(ray.words[CHILD]), np.int64(ray.words[HEIGHT])
+def _meet_boxes(ray, tree, node):
+    """(distances to the boxes of a node, which of them the ray meets)."""
     x, y, z = np.int64(ray.words[ROW]), np.int64(ray.words[ROW + 1]), np.int64(ray.words[ROW + 2])
     near = _most(
         _most(_slab(tree.planes, node, x, ray, 0, NEAR), _slab(tree.planes, node, y, ray, 1, NEAR)),
@@ -206,13 +218,36 @@ def _enter_node(ray, tree):
         _least(_slab(tree.planes, node, 24 - x, ray, 0, FAR), _slab(tree.planes, node, 40 - y, ray, 1, FAR)),
         _slab(tree.planes, node, 56 - z, ray, 2, FAR),
     )
-    met = near <= _least(far * np.float32(WIDEN), splat(ray.numbers[T_MAX]))
+    return near, near <= _least(far * np.float32(WIDEN), splat(ray.numbers[T_MAX]))
+
+
+@inline
+def _enter_node(ray, tree):
+    """Returns the nearest child that the ray meets, after it has put the others on the stack as they come; where it meets none,
+    takes one off the stack."""
+    node, height = NODE_WORDS * np.int64(ray.words[CHILD]), np.int64(ray.words[HEIGHT])
+    near, met = _meet_boxes(ray, tree, node)
     keys = (as_bits(near, np.int32) & np.int32(~SLOT)) | iota()
-    waiting = _nearest_waiting(ray, height)  # before the stack is written: a load cannot wait for three stores
-    store8(ray.words, KEYS + 8 + height, descending(select(met, keys, splat(np.int32(-1)))))
+    waiting = _topmost_within(ray, height)  # before the stack is written: a load cannot wait for three stores
+    key, parent = ray.words[KEYS + waiting], ray.words[PARENTS + waiting]
+    nearest = lowest(select(met, keys, np.int32(2**31 - 1)))
+    store8(ray.words, KEYS + 8 + height, packed(keys, met & (keys != nearest)))
     store8(ray.words, PARENTS + 8 + height, splat(np.int32(node + CHILDREN)))
     pushed = bits_set(bits(met))
-    return _take(ray, tree.words, select(pushed > 0, height + 7 + pushed, waiting))
+    some = pushed > 0
+    ray.words[HEIGHT] = select(some, height + pushed - 1, waiting - 8)
+    parent, slot = select(some, np.int32(node + CHILDREN), parent), select(some, nearest, key) & np.int32(SLOT)
+    return tree.words[np.int64(parent) + np.int64(slot)]
+
+
+@inline
+def _enter_node_in_any_order(ray, tree):
+    """Puts the children that a shadow ray meets on its stack, and takes the last."""
+    node, height = NODE_WORDS * np.int64(ray.words[CHILD]), np.int64(ray.words[HEIGHT])
+    _, met = _meet_boxes(ray, tree, node)
+    store8(ray.words, KEYS + 1 + height, packed(load8(tree.words, node + CHILDREN), met))
+    ray.words[HEIGHT] = height + bits_set(bits(met))
+    return _take_last(ray)
 
 
 @inline
@@ -270,10 +305,11 @@ def _take_nearest(rays, ray, lane, t, primitives, valid, real):
 
 
 @inline
-def _take_waiting(ray, tree, hidden):
+def _leave_leaf(ray, tree, shadow, hidden):
     """The child to go to after a leaf: none where a shadow ray is blocked."""
-    child = _take(ray, tree.words, _nearest_waiting(ray, np.int64(ray.words[HEIGHT])))
-    return select(hidden, np.int32(NOTHING), child)
+    if shadow:
+        return select(hidden, np.int32(NOTHING), _take_last(ray))
+    return _take(ray, tree.words, _topmost_within(ray, np.int64(ray.words[HEIGHT])))
 
 
 @inline
@@ -295,7 +331,7 @@ def _enter_leaf(rays, lane, o, d, ray, tree, rule, real, row_bytes, bytes_each):
         rays.shadow.occluded[lane] = hidden
     else:
         _take_nearest(rays, ray, lane, t, primitives, valid, real)
-    return _take_waiting(ray, tree, hidden)
+    return _leave_leaf(ray, tree, rule.shadow, hidden)
 
 
 @inline
@@ -314,31 +350,34 @@ def _enter_analytic_leaf(rays, scene, lane, o, d, ray, tree, shadow, distance, r
         else:
             keep_nearer(rays, lane, t, primitive, valid)
             _set_t_max(ray, rays.t[lane])
-    return _take_waiting(ray, tree, hidden)
+    return _leave_leaf(ray, tree, shadow, hidden)
 
 
 @inline
-def _start_rays(scratch, origin, direction, t_max, triangles, queues, real):
+def _start_rays(scratch, origin, direction, t_max, triangles, queues, shadow, real):
     """Sets every ray up at the root; returns how many wait there."""
-    waiting = np.int64(0)
-    for lane in range(np.uint64(LANES)):
-        ray, o, d, t = _ray(scratch, lane, real), origin[lane], direction[lane], t_max[lane]
-        _start(ray, o, d, t)
+    lanes, waiting = positive_lanes(t_max), np.int64(0)
+    while lanes != 0:
+        lane = np.uint64(lowest_bit(lanes))
+        lanes &= lanes - 1
+        ray, o, d = _ray(scratch, lane, real), origin[lane], direction[lane]
+        _start(ray, o, d, t_max[lane], shadow)
         if triangles:
             _start_shear(ray, o, d)
         queues.nodes[waiting] = lane
-        waiting += np.int64(t > real(0))
+        waiting += 1
     return Waiting(waiting, np.int64(0))
 
 
 @inline
-def _enter_nodes(scratch, tree, queues, waiting, bytes_each, real):
+def _enter_nodes(scratch, tree, queues, waiting, bytes_each, shadow, real):
     """One step of every ray that stands at a node."""
     todo, waiting = waiting.nodes, Waiting(np.int64(0), waiting.leaves)
     for k in range(todo):
         lane = np.uint64(queues.nodes[k])
         ray = _ray(scratch, lane, real)
-        waiting = _send(ray, _enter_node(ray, tree), lane, queues, waiting, tree, bytes_each)
+        child = _enter_node_in_any_order(ray, tree) if shadow else _enter_node(ray, tree)
+        waiting = _send(ray, child, lane, queues, waiting, tree, bytes_each)
     return waiting
 
 
@@ -360,9 +399,9 @@ def _make(triangles: bool, spheres: bool, planes: bool, analytic: tuple[int, ...
             nodes = address_of(own.nodes)
             tree = Tree(nodes, own.nodes, array_at(nodes, np.int32), address_of(own.leaves))
             queues = Queues(array_at(scratch + 4 * AT_NODES, np.int32), array_at(scratch + 4 * AT_LEAVES, np.int32))
-            waiting = _start_rays(scratch, origin, direction, t_max, triangles, queues, real)
+            waiting = _start_rays(scratch, origin, direction, t_max, triangles, queues, shadow, real)
             while waiting.nodes + waiting.leaves > 0:
-                waiting = _enter_nodes(scratch, tree, queues, waiting, bytes_each, real)
+                waiting = _enter_nodes(scratch, tree, queues, waiting, bytes_each, shadow, real)
                 todo, waiting = waiting.leaves, Waiting(waiting.nodes, np.int64(0))
                 for k in range(todo):
                     lane = np.uint64(queues.leaves[k])

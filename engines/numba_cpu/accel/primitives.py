@@ -138,13 +138,24 @@ def _fill_boxes(vertices, triangles, spheres, analytic, pad, result):
             result[end + i, 3 + axis] = analytic[i, 3 + axis] + pad
 
 
+def rounding(flat: FlatScene) -> float:
+    """The share of a number by which it is rounded outwards to float32: that of the batch needs none."""
+    return 0.0 if flat.real == np.float32 else 2.0**-23
+
+
+@inline
+def outward(low, high, pad, rounding, unit):
+    """(lower, negated upper) end of a padded interval in multiples of `unit`, a power of two, rounded outwards to float32."""
+    low, high = (low - pad) / unit, (high + pad) / unit
+    return np.float32(low - abs(low) * rounding), np.float32(-(high + abs(high) * rounding))
+
+
 def fill_records(
     flat: FlatScene, unit: float, first: int, last: int, records: NDArray[np.float32], order: NDArray[np.int32]
 ) -> None:
     """Boxes (n, 8) of primitives first .. last - 1 in multiples of `unit`, a power of two: lower and negated upper corner,
     padded, rounded outwards."""
-    rounding = 0.0 if flat.real == np.float32 else 2.0**-23
-    _fill_records(*_shapes(flat), padding(flat), rounding, unit, first, last, records, order)
+    _fill_records(*_shapes(flat), padding(flat), rounding(flat), unit, first, last, records, order)
 
 
 @kernel
@@ -162,6 +173,4 @@ def _fill_records(vertices, triangles, spheres, analytic, pad, rounding, unit, f
                 low, high = center - radius, center + radius
             else:
                 low, high = analytic[i - end, axis], analytic[i - end, 3 + axis]
-            low, high = (low - pad) / unit, (high + pad) / unit
-            records[i, axis] = low - abs(low) * rounding
-            records[i, 4 + axis] = -(high + abs(high) * rounding)
+            records[i, axis], records[i, 4 + axis] = outward(low, high, pad, rounding, unit)
