@@ -7,6 +7,7 @@ import pytest
 
 import engines
 from engines.kernels.flatten.environment import place_row, tables
+from engines.kernels.layout import RUN
 from engines.numpy_reference.lights.image_environment import ImageEnvironment
 from engines.scene import EnvironmentLight
 from tests.test_engines_agree import _assert_equal, _image
@@ -73,7 +74,7 @@ def test_samples_of_a_rotated_image_have_the_density_they_claim_and_reach_all_it
 
 def test_tables_of_the_kernels_know_rotations_and_rows_by_one_row_alone():
     turned = replace(PLAIN, rotation=rotation(), rows="poles")
-    for one, other in zip(tables(PLAIN), tables(turned), strict=True):
+    for one, other in zip(tables(PLAIN, np.float32), tables(turned, np.float32), strict=True):
         assert np.array_equal(one, other)
     assert place_row(PLAIN)[0].tolist() == [H, 0.5, 1, 0, 0, 0, 1, 0, 0, 0, 1]
     row = place_row(turned)[0]
@@ -103,6 +104,14 @@ def _under(light):
 def test_numba_in_float64_equals_the_reference_under_a_rotated_image_with_rows_on_its_poles():
     for light in (replace(PLAIN, rotation=rotation(), rows="poles"), replace(PLAIN, rows="poles")):
         _assert_equal(_under(light), ["none"], shader="path_tracer", sampler="sobol", spp=3, width=24, height=24)
+
+
+@pytest.mark.parametrize("width", [1, RUN, RUN + 1, 3 * RUN - 3])
+def test_numba_in_float64_equals_the_reference_under_rows_of_one_run_of_texels_and_of_several(width):
+    image = np.random.default_rng(width).random((H, width, 3)) ** 4
+    image[:3], image[:, 1 : width - 10] = 0.0, 0.0  # black rows, and a black run of the widest
+    scene = _under(replace(PLAIN, image=image))
+    _assert_equal(scene, ["none"], shader="path_tracer", sampler="sobol", spp=3, width=24, height=24)
 
 
 def test_the_rotation_that_changes_nothing_changes_no_bit():

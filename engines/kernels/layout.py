@@ -76,6 +76,8 @@ MOST_NULL_LOBES = 1024
 """Null lobes that a path or a shadow ray crosses at most: rounding must not hold a ray for ever."""
 CAMERA_DIMENSIONS = 2
 """Dimensions before the first vertex: the place in the pixel."""
+RUN = 16
+"""Texels of an environment's row whose densities are summed in the tables by which a texel is chosen: a line of float32."""
 SURFACE, MISS = range(2)
 """What a ray has met."""
 
@@ -276,7 +278,8 @@ class RayBatch(LaneRecord):
     # places on the environment's image, and the sine of the angle from its axis: of a ray that misses, and of a light sample
     missed_place = doubles(3)
     environment_place = doubles(3)
-    environment_row, environment_column = integer(), integer()  # the texel of the light sample
+    environment_row = integer()  # of the light sample
+    environment_column = integer()  # the first of its run
 
     # what the stages of materials and of null lobes keep between their loops
     program = integer()  # the first node of the hit's program, -1 for none
@@ -374,12 +377,13 @@ class SceneTable(Table):
     light_rows = array(np.int32)  # six a cell
     light_bins = array(np.int32)  # four numbers each
     n_light_bins = scalar()  # a row
-    environment = vectors(np.float64)  # texels, times the radiance
-    environment_pdf = array(np.float64)  # in (u, v)
-    environment_rows = array(np.float64)  # cumulative
-    environment_columns = array(np.float64)
+    # an image (`flatten.environment`)
+    environment = vectors(REAL)  # texels, times the radiance
+    environment_pdf = array(REAL)  # in (u, v)
+    environment_rows = array(np.float64)  # cumulative shares
+    environment_runs = array(np.float64)  # cumulative sums of densities, of each row
     environment_row_guide = array(np.int32)  # where searches in the cumulative tables begin
-    environment_column_guide = array(np.int32)
+    environment_run_guide = array(np.uint16)
     environment_map = rows(EnvironmentRow)
     environment_radiance = vectors(REAL)  # one, of a constant environment
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from engines.kernels.layout import RUN
 from engines.kernels.rows import EnvironmentRow
 from engines.scene import EnvironmentLight
 
@@ -26,20 +27,33 @@ def place_row(light: EnvironmentLight) -> NDArray[np.float64]:
     return np.array([EnvironmentRow.packed(rows=rows, first_row=first, x=axes[0], y=axes[1], z=axes[2])])
 
 
-def guides(values: NDArray[np.float64]) -> NDArray[np.int32]:
-    """Where searches in cumulative rows (m, n) begin, (m, n): of each row, for each k the first value above k/n.
+class Tables(NamedTuple):
+    """An image (h, w, 3), and how its texels are chosen: a row, then a run of `RUN` texels in it, then one of the run. All
+    sums are those of the densities as they are stored, so that each texel is chosen with its density."""
+
+    texels: NDArray[Any]
+    """(h, w, 3) times the light's radiance."""
+    pdf: NDArray[Any]
+    """(h, w) in (u, v)."""
+    rows: NDArray[np.float64]
+    """(h,) cumulative, as shares."""
+    runs: NDArray[np.float64]
+    """(h, w / RUN, rounded up) of each row cumulative sums of densities."""
+
+
+def guides(values: NDArray[np.float64], dtype: type) -> NDArray[Any]:
+    """Where searches in cumulative rows (m, n) begin, (m, n): of each row, for each k the first value above k/n of the last.
 
     What lies a rounding error below k/n counts, too, as the entry of a number u is the integer part of u n, rounded.
     """
     n = values.shape[1]
     marks = np.arange(n) / n * (1 - 1e-12)
-    found = [np.searchsorted(row, marks, side="right") for row in values]
-    return np.minimum(np.array(found, np.int32), n - 1)
+    found = [np.searchsorted(row, marks * row[-1], side="right") for row in values]
+    return np.minimum(np.array(found), n - 1).astype(dtype)
 
 
-def tables(light: EnvironmentLight) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:
-    """Of an image (h, w, 3): the image times `radiance`; pdf in (u, v) (h, w); cumulative rows (h,) and columns (h, w),
-    each as a share of its total."""
+def tables(light: EnvironmentLight, real: Any) -> Tables:
+    """The tables of an image in the precision of the batch."""
     assert light.image is not None
     image = np.asarray(light.image, np.float64) * np.asarray(light.radiance)
     height = image.shape[0]
@@ -50,8 +64,8 @@ def tables(light: EnvironmentLight) -> tuple[NDArray[Any], NDArray[Any], NDArray
     weight = weight * np.sin(np.pi * (np.arange(height) + 0.5) / height)[:, None]
     if not weight.sum() > 0:  # a black image: any density will do
         weight = np.ones_like(weight)
-    sums = weight.sum(axis=1)
-    rows = np.cumsum(sums) / sums.sum()
-    with np.errstate(invalid="ignore"):
-        columns = np.cumsum(weight, axis=1) / sums[:, None]
-    return image, weight * weight.size / weight.sum(), rows, np.where(np.isfinite(columns), columns, 1.0)
+    pdf = (weight / weight.sum() * weight.size).astype(real)
+    starts = np.arange(0, pdf.shape[1], RUN)
+    runs = np.cumsum(np.add.reduceat(pdf.astype(np.float64), starts, axis=1), axis=1)
+    rows = np.cumsum(runs[:, -1])
+    return Tables(image.astype(real), pdf, rows / rows[-1], runs)

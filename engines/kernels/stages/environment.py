@@ -13,8 +13,6 @@ from engines.kernels.compile.values import pick, select
 from engines.kernels.lane.elementary import arccos, arctan2
 from engines.kernels.lane.vector import Vec3, dot, sin_cos_turn
 
-TEXEL_BYTES = 24
-
 
 @inline
 def first_above(values, start, n, u):
@@ -127,12 +125,11 @@ def pdf_solid_angle(density, sine):
 
 
 @inline
-def prefetch_texels(scene, axes, u, v):
-    """Starts loading what `radiance` and the pdf read at (u, v)."""
+def prefetch_texels(scene, axes, u, v, real_bytes):
+    """Starts loading what `radiance` reads at (u, v)."""
     width, height = scene.environment_width, scene.environment_height
     at, texels = texels_at(width, height, axes, u, v), address_of(scene.environment)
-    prefetch(texels + TEXEL_BYTES * (at.above + at.left))
-    prefetch(texels + TEXEL_BYTES * (at.above + at.right + 1) - 1)
-    prefetch(texels + TEXEL_BYTES * (at.below + at.left))
-    prefetch(texels + TEXEL_BYTES * (at.below + at.right + 1) - 1)
-    prefetch(address_of(scene.environment_pdf) + 8 * texel_of(width, height, u, v))
+    prefetch(texels + 3 * real_bytes * (at.above + at.left))
+    prefetch(texels + 3 * real_bytes * (at.above + at.right + 1) - 1)
+    prefetch(texels + 3 * real_bytes * (at.below + at.left))
+    prefetch(texels + 3 * real_bytes * (at.below + at.right + 1) - 1)

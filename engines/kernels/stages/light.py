@@ -17,9 +17,10 @@ from engines.kernels.flatten.lights import IMAGE_ENVIRONMENT, MESH, MODELS
 from engines.kernels.integrators.path_tracer import LIGHT_CANDIDATES
 from engines.kernels.lane.lights import Light, LightSample
 from engines.kernels.lane.vector import Vec3, to_real
-from engines.kernels.layout import LANES, LIGHT, POINT_U0, POINT_U1, SURFACE, ray_batch, scene_table
+from engines.kernels.layout import LANES, LIGHT, POINT_U0, POINT_U1, RUN, SURFACE, ray_batch, scene_table
 from engines.kernels.rows import LightRow, MaterialRow, PrimitiveRow
 from engines.kernels.stages import emission, environment, light_cells, light_hierarchy, resampling
+from engines.kernels.stages.environment import guide_entry
 from engines.kernels.stages.hit_loads import lane_number, make_load_face, make_load_rows
 
 COLOR = LightRow.fields["color"].first
@@ -147,7 +148,7 @@ def _make_sample_one(kinds: tuple[int, ...], selection: Selection, turned: bool,
     load = _make_load(kinds, selection, real)
     weighted = selection.power or selection.hierarchy or selection.cells
     sample_light = dispatch(tuple((kind, MODELS[kind].sample) for kind in kinds if kind != IMAGE_ENVIRONMENT))
-    image_environment = IMAGE_ENVIRONMENT in kinds
+    image_environment, real_bytes = IMAGE_ENVIRONMENT in kinds, np.dtype(real).itemsize
 
     @inline
     def sample_one(rays, scene):
@@ -172,7 +173,7 @@ def _make_sample_one(kinds: tuple[int, ...], selection: Selection, turned: bool,
             sample = sample_light(rays.light_kind[lane], sample, light, rays.hit.point[lane], rays.hit.normal[lane], u0, u1)
             rays.light_sample[lane] = LightSample(sample.wi, sample.distance, sample.radiance * (one / pmf), sample.pdf * pmf)
         if image_environment:
-            _image_environment(rays, scene, environment_pmf, turned, real)
+            _image_environment(rays, scene, environment_pmf, turned, real_bytes, real)
 
     return sample_one
 
@@ -223,52 +224,64 @@ def _lanes_on_environment(rays):
 
 
 @inline
-def _choose_places(rays, scene, axes, lanes):
-    """Keeps (u, v) on the environment's image, drawn by texel. Hardly a table of an image is in a near cache: each loop
-    prefetches what the next one reads."""
-    rows, columns, guide = scene.environment_rows, scene.environment_columns, scene.environment_column_guide
-    width, height = scene.environment_width, scene.environment_height
+def _choose_places(rays, scene, axes, lanes, real_bytes):
+    """Keeps (u, v) on the environment's image, drawn by texel, and the density there. Hardly a table of a large image is in a
+    near cache: each loop prefetches what the next one reads."""
+    rows, runs, densities = scene.environment_rows, scene.environment_runs, scene.environment_pdf
+    guide, width, height = scene.environment_run_guide, scene.environment_width, scene.environment_height
+    in_row = (width + RUN - 1) // RUN
     todo = lanes
     while todo != 0:
         lane = np.uint64(lowest_bit(todo))
         todo &= todo - 1
         u0, u1 = np.float64(rays.draw[POINT_U0, lane]), np.float64(rays.draw[POINT_U1, lane])
-        first = scene.environment_row_guide[environment.guide_entry(height, u1)]
-        row = environment.first_above_from(rows, 0, first, height, u1)
+        row = environment.first_above_from(rows, 0, scene.environment_row_guide[guide_entry(height, u1)], height, u1)
         below = rows[row - 1] if row > 0 else 0.0
         rays.environment_place[1, lane] = (row + (u1 - below) / (rows[row] - below)) / height
         rays.environment_row[lane] = row
-        prefetch(address_of(guide) + 4 * (row * width + environment.guide_entry(width, u0)))
+        prefetch(address_of(guide) + 2 * (row * in_row + guide_entry(in_row, u0)))
+        prefetch(address_of(runs) + 8 * (row * in_row + guide_entry(in_row, u0)))
+        prefetch(address_of(runs) + 8 * (row * in_row + in_row - 1))
     todo = lanes
     while todo != 0:
         lane = np.uint64(lowest_bit(todo))
         todo &= todo - 1
-        start = np.int64(rays.environment_row[lane]) * width
-        first = np.int64(guide[start + environment.guide_entry(width, np.float64(rays.draw[POINT_U0, lane]))])
-        rays.environment_column[lane] = first
-        prefetch(address_of(columns) + 8 * (start + first))
-        prefetch(address_of(columns) + 8 * (start + first - 1))
+        row, u0 = np.int64(rays.environment_row[lane]), np.float64(rays.draw[POINT_U0, lane])
+        start = row * in_row
+        sought = u0 * runs[start + in_row - 1]
+        run = environment.first_above_from(runs, start, guide[start + guide_entry(in_row, u0)], in_row, sought)
+        rays.environment_column[lane] = RUN * run
+        rays.environment_place[0, lane] = sought - (runs[start + run - 1] if run > 0 else 0.0)
+        first = address_of(densities) + real_bytes * (row * width + RUN * run)
+        prefetch(first)
+        prefetch(first + real_bytes * RUN - 1)
     todo = lanes
     while todo != 0:
         lane = np.uint64(lowest_bit(todo))
         todo &= todo - 1
-        start, u0 = np.int64(rays.environment_row[lane]) * width, np.float64(rays.draw[POINT_U0, lane])
-        column = environment.first_above_from(columns, start, rays.environment_column[lane], width, u0)
-        below = columns[start + column - 1] if column > 0 else 0.0
-        u = (column + (u0 - below) / (columns[start + column] - below)) / width
+        column, sought = np.int64(rays.environment_column[lane]), rays.environment_place[0, lane]
+        start, last = np.int64(rays.environment_row[lane]) * width, min(column + RUN, width) - 1
+        density = np.float64(densities[start + column])
+        while column < last and not sought < density:
+            sought -= density
+            column += 1
+            density = np.float64(densities[start + column])
+        # rounding can lead beyond the last texel, which may be black
+        u = (column + (sought / density if sought < density else 1.0)) / width
         rays.environment_place[0, lane] = u
-        environment.prefetch_texels(scene, axes, u, rays.environment_place[1, lane])
+        rays.light_sample.pdf[lane] = density
+        environment.prefetch_texels(scene, axes, u, rays.environment_place[1, lane], real_bytes)
 
 
 @inline
-def _image_environment(rays, scene, pmf, turned, real):
+def _image_environment(rays, scene, pmf, turned, real_bytes, real):
     """Samples of the environment's image replace what the vector loop left in the lanes that chose it and are on a
     surface."""
     lanes = _lanes_on_environment(rays)
     if lanes == 0:
         return
     axes, width, height = scene.environment_map[0], scene.environment_width, scene.environment_height
-    _choose_places(rays, scene, axes, lanes)
+    _choose_places(rays, scene, axes, lanes, real_bytes)
     for lane in range(np.uint64(LANES)):
         wi, sine = environment.uv_to_direction(rays.environment_place[0, lane], rays.environment_place[1, lane])
         if turned:
@@ -280,8 +293,7 @@ def _image_environment(rays, scene, pmf, turned, real):
         lanes &= lanes - 1
         u, v, sine = rays.environment_place[0, lane], rays.environment_place[1, lane], rays.environment_place[2, lane]
         radiance = environment.radiance(scene.environment, environment.texels_at(width, height, axes, u, v))
-        density = scene.environment_pdf[environment.texel_of(width, height, u, v)]
-        pdf = environment.pdf_solid_angle(density, sine) * np.float64(pmf)
+        pdf = environment.pdf_solid_angle(np.float64(rays.light_sample.pdf[lane]), sine) * np.float64(pmf)
         rays.light_sample.distance[lane] = real(np.inf)
         rays.light_sample.radiance[lane] = radiance * (1.0 / pdf if pdf > 0.0 else 0.0)
         rays.light_sample.pdf[lane] = pdf

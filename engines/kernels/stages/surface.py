@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from engines.kernels.compile.dispatch import dispatch
 from engines.kernels.compile.jit import compile_stage, inline
 from engines.kernels.compile.masks import lane_bit
-from engines.kernels.compile.records import lane_numbers
+from engines.kernels.compile.records import address_of, lane_numbers, prefetch
 from engines.kernels.compile.values import const, lowest_bit, select
 from engines.kernels.features import SceneFeatures, per_features
 from engines.kernels.flatten import lights
@@ -164,6 +164,7 @@ def _make(features: SceneFeatures, real: Any) -> Any:
     emission, tangents, hides = features.emission, features.tangents, features.hidden_emitters
     emission_at = _make_emission(features)
     constant_environment = lights.CONSTANT_ENVIRONMENT in features.lights
+    real_bytes = np.dtype(real).itemsize
     image_environment, turned = lights.IMAGE_ENVIRONMENT in features.lights, features.turned_environment
     textured = features.textured_emission
     color_hits = make_hits(features, real) if textured else None
@@ -203,7 +204,7 @@ def _make(features: SceneFeatures, real: Any) -> Any:
         if textured:
             color_hits(rays, scene)
         if image_environment:
-            _image_environment(rays, scene, environment_inverse_pmf, turned, real)
+            _image_environment(rays, scene, environment_inverse_pmf, turned, real_bytes, real)
         if hides:
             _hide_environment(rays, none)
 
@@ -236,7 +237,7 @@ def _hide_environment(rays, none):
 
 
 @inline
-def _image_environment(rays, scene, inverse_pmf, turned, real):
+def _image_environment(rays, scene, inverse_pmf, turned, real_bytes, real):
     """Radiance of the rays that miss, from the environment's image: prefetched, then read by scalar code."""
     lanes = np.int64(0)
     for lane in range(np.uint64(LANES)):
@@ -254,7 +255,9 @@ def _image_environment(rays, scene, inverse_pmf, turned, real):
     while todo != 0:
         lane = np.uint64(lowest_bit(todo))
         todo &= todo - 1
-        environment.prefetch_texels(scene, axes, rays.missed_place[0, lane], rays.missed_place[1, lane])
+        u, v = rays.missed_place[0, lane], rays.missed_place[1, lane]
+        environment.prefetch_texels(scene, axes, u, v, real_bytes)
+        prefetch(address_of(scene.environment_pdf) + real_bytes * environment.texel_of(width, height, u, v))
     while lanes != 0:
         lane = np.uint64(lowest_bit(lanes))
         lanes &= lanes - 1
