@@ -26,6 +26,8 @@ docs/pictures/gallery.py` makes all pictures.
 FURNISHED = {
     "living_room": 256,
     "study": 1024,
+    "hall": 96,
+    "classroom": 96,
     "cafe": 1024,
     "workshop": 256,
     "cabinet": 256,

@@ -250,6 +250,45 @@ def sky():
     return np.where((up > 0)[..., None], color, ground)
 
 
+def sky_large():
+    """A day with a sun: linear radiance of 1024 x 2048 cells as half floats, +y up. Clouds lie in a flat layer and fade into
+    the haze of the horizon. The sun, 35 degrees high at u = 0.3, gives level ground about as much light as the sky does.
+    """
+    h, w = 1024, 2048
+    v, u = places(h, w)
+    up, level = np.cos(np.pi * v), np.sin(np.pi * v)
+    along, across = level * np.cos(2 * np.pi * u), level * np.sin(2 * np.pi * u)
+    high, turn = np.radians(35), 2 * np.pi * 0.3
+    towards = np.sin(high) * up + np.cos(high) * (np.cos(turn) * along + np.sin(turn) * across)
+    layer = np.maximum(up, 0) + 0.12
+    clouds = taken(noise(1024, 1024, 6, 6, 126, 6, 0.55), 0.2 * across / layer, 0.15 * along / layer)
+    share = smooth(np.clip(1.5 * clouds - 0.05, 0, 1)) * smooth(np.clip(5 * up, 0, 1))
+    blue = mixed((1.15, 1.2, 1.25), (0.16, 0.34, 0.85), np.clip(up, 0, 1) ** 0.5)
+    glow = np.exp(-(1 - towards) * 40)
+    color = blue + (np.array((1.75, 1.7, 1.62)) - 0.35 * share[..., None] - blue) * (0.9 * share)[..., None]
+    color = color + glow[..., None] * np.array((1.3, 1.1, 0.8))
+    angle = np.degrees(np.arccos(np.clip(towards, -1, 1)))
+    color = color + np.clip((0.85 - angle) / 0.2 + 0.5, 0, 1)[..., None] * np.array((5400.0, 4700.0, 3700.0))
+    ground = mixed((0.62, 0.62, 0.56), (0.2, 0.22, 0.14), np.clip(-up, 0, 1) ** 0.4)
+    return rounded(np.where((up > 0)[..., None], color, ground), 7)
+
+
+def taken(image, v, u):
+    """Values of an image (h, w) that repeats, at v and u, interpolated."""
+    h, w = image.shape
+    y, x = v * h - 0.5, u * w - 0.5
+    y0, x0 = np.floor(y).astype(int), np.floor(x).astype(int)
+    corner = [[image[(y0 + i) % h, (x0 + j) % w] for j in (0, 1)] for i in (0, 1)]
+    t, s = y - y0, x - x0
+    return (corner[0][0] * (1 - s) + corner[0][1] * s) * (1 - t) + (corner[1][0] * (1 - s) + corner[1][1] * s) * t
+
+
+def rounded(values, bits):
+    """Half floats of so many significant bits, which a file compresses well."""
+    share, power = np.frexp(values)
+    return np.ldexp(np.rint(share * 2**bits), power - bits).astype(np.float16)
+
+
 TEXTURES = {
     make.__name__: make
     for make in (
@@ -270,16 +309,17 @@ TEXTURES = {
         peel,
         painting,
         sky,
+        sky_large,
     )
 }
-LINEAR = {"sky"}
+LINEAR = {"sky", "sky_large"}
 
 
 def main(names):
     for name in names or TEXTURES:
         values = TEXTURES[name]()
         if name in LINEAR:
-            write_image(HERE / f"{name}.exr", values.astype(np.float32))
+            write_image(HERE / f"{name}.exr", values if values.dtype == np.float16 else values.astype(np.float32))
         else:
             from PIL import Image
 

@@ -45,6 +45,8 @@ CASES = {
     "cornell_mesh": Case("cornell_mesh", "numba", "float32"),
     "living_room": Case("living_room", "numba", "float32"),
     "study": Case("study", "numba", "float32"),
+    "hall": Case("hall", "numba", "float32"),
+    "classroom": Case("classroom", "numba", "float32"),
     "whitted_two_spheres": Case("two_spheres", "numba", "float32", "whitted"),
     "embree_cornell_mesh": Case("cornell_mesh", "embree", "float32"),
     "embree_cornell_mesh_float64": Case("cornell_mesh", "embree", "float64"),
@@ -59,7 +61,8 @@ def renderer_of(case: Case, checkout: Path) -> Any:
     settings = engines.Settings(
         SIDE, SIDE, shader={"name": case.shader, "max_depth": DEPTH}, threads=1, precision=case.precision
     )
-    scene = engines.load_scene(checkout / "scenes" / f"{case.scene}.yaml")
+    shipped = [root / "scenes" / f"{case.scene}.yaml" for root in (checkout, HERE)]
+    scene = engines.load_scene(next((file for file in shipped if file.exists()), case.scene))
     renderer = engines.engine(case.engine).prepare(scene, settings)
     renderer.warm_up()
     return renderer
@@ -83,7 +86,7 @@ def work(checkout: Path) -> None:
     for line in sys.stdin:
         name, spp = json.loads(line)
         if name not in renderers:
-            renderers = {name: renderer_of(CASES[name], checkout)}
+            renderers = {name: renderer_of(CASES.get(name, Case(name, "numba", "float32")), checkout)}
         found = process_seconds(renderers[name], spp) if spp else film_hash(renderers[name].render(IMAGE_SPP))
         print(json.dumps(found), flush=True)
 
@@ -173,17 +176,20 @@ def show_machine() -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("base", type=Path, metavar="BASE")
-    parser.add_argument("--scenes", nargs="+", choices=CASES, default=list(CASES), metavar="NAME", help=", ".join(CASES))
+    parser.add_argument("--scenes", nargs="+", default=list(CASES), metavar="NAME", help=f"{', '.join(CASES)}; or files")
     parser.add_argument("--rounds", type=int, default=4, help="2 or more")
     parser.add_argument("--seconds", type=float, default=0.06, help="of one render")
     parser.add_argument("--images", action="store_true", help="compare films bit for bit, time nothing")
     parser.add_argument("--work", action="store_true", help=argparse.SUPPRESS)
     given = parser.parse_args()
     base = given.base.resolve()
+    given.scenes = [name if name in CASES else str(Path(name).resolve()) for name in given.scenes]
     if given.work:
         return work(base)
     if not (base / "engines" / "__init__.py").exists() or given.rounds < 2:
         parser.error(f"{given.base} is no checkout of raybench" if given.rounds > 1 else "--rounds: 2 or more are expected")
+    if missing := [name for name in given.scenes if name not in CASES and not Path(name).exists()]:
+        parser.error(f"--scenes: there is no file {missing[0]}; expected are files or names: {', '.join(CASES)}")
     rounds: dict[str, list[Round]] = {name: [] for name in given.scenes}
     differ = False
     for number in range(1 if given.images else given.rounds):

@@ -19,7 +19,7 @@ ALPHA = 1e-4
 SIDE, REPLICATES, SPP = 24, 16, 8
 MANY = {"lattice", "many_lights", "rings", "sphereflake", "tree"}
 """Scenes of hundreds of spheres: Mitsuba records a case for each of them, which takes minutes."""
-LONG = {"bathroom", "cabinet", "cafe", "desk_lamp", "lantern", "living_room", "still_life"}
+LONG = {"bathroom", "cabinet", "cafe", "classroom", "desk_lamp", "hall", "lantern", "living_room", "still_life"}
 """Furnished scenes, each with kernels of its own that take half a minute to compile; `workshop` is one in the slow tier."""
 WITHOUT_COUNTERPART = {
     "cornell_spheres": "refraction without Fresnel's equations",
