@@ -112,6 +112,20 @@ def test_each_of_a_few_triangles_is_in_one_leaf(n):
     assert sorted(primitive for primitive, _, _ in boxes_of_primitives(flat, *built(flat))) == list(range(n))
 
 
+def test_rays_meet_the_same_in_a_tree_that_is_built_fast():
+    scene = engines.load_scene("living_room")
+    low, high = np.array([-2.0, 0.1, -2.0]), np.array([2.0, 2.4, 2.0])
+    directions = np.random.default_rng(4).normal(size=(2000, 3))
+    hits = [
+        engines.engine("numba")
+        .prepare(scene, engines.Settings(8, 8, accelerator={"name": "bvh", "quality": quality}, precision="float32"))
+        .trace(np.linspace(low, high, 2000), directions)
+        for quality in ("fast", "high")
+    ]
+    assert np.array_equal(hits[0].t, hits[1].t) and np.array_equal(hits[0].primitive, hits[1].primitive)
+    assert np.isfinite(hits[0].t).mean() > 0.9
+
+
 def test_long_triangles_that_lie_aslant_are_cut_in_parts():
     slant = np.array([[-1.0, -1, -1], [1, 1, -1], [-1, 1, 1]])
     small = 1e-3 * np.random.default_rng(2).normal(size=(400, 3, 3)) + np.random.default_rng(3).uniform(-0.9, 0.9, (400, 1, 3))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from concurrent.futures import Executor, ThreadPoolExecutor
 from typing import Any, NamedTuple
 
@@ -13,13 +14,24 @@ from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten import FlatScene
 from engines.kernels.layout import SceneTable
 from engines.numba_cpu.accel import bvh_walk
-from engines.numba_cpu.accel.bvh_build import EXTRA, OVERLAP, Growth, grow_tree
+from engines.numba_cpu.accel.bvh_build import BINS, LEAF, OVERLAP, SWEPT, Growth, grow_tree
 from engines.numba_cpu.accel.bvh_collapse import MOST_PRIMITIVES, NODE_WORDS, Choices, weigh, widen
 from engines.numba_cpu.accel.bvh_leaves import empty_leaves, fill_leaves
 from engines.numba_cpu.accel.primitives import fill_records, padding, primitive_counts, rounding
 
-FEWEST = 2
-"""Parts that are not divided further before the choice of the nodes that stay."""
+
+class Quality(NamedTuple):
+    """How a tree is grown: bins of boxes; of up to how many parts every plane is looked at; how many are not divided further
+    before the choice of the nodes that stay; how many parts beside whole triangles there may be, as a share of these."""
+
+    bins: int
+    swept: int
+    fewest: int
+    extra: float
+
+
+QUALITIES = {"fast": Quality(16, 0, LEAF, 0.0), "high": Quality(BINS, SWEPT, 2, 0.3)}
+DEFAULT_QUALITY = "high"
 FARTHEST = 1e29
 """Metres up to which slabs in float32 neither overflow nor lose a box."""
 
@@ -31,7 +43,8 @@ class Accelerator:
     precision = None
     scratch = bvh_walk.SCRATCH
 
-    def __init__(self, options: Any) -> None:
+    def __init__(self, options: Mapping[str, Any]) -> None:
+        self._quality = QUALITIES[options.get("quality", DEFAULT_QUALITY)]
         self.build_seconds = 0.0
         self.bytes = 0
 
@@ -45,7 +58,8 @@ class Accelerator:
             if not extent < FARTHEST:
                 raise Unsupported(f"bvh: the scene reaches {extent:.3g} m, of at most {FARTHEST:g}; take accelerator none")
             with ThreadPoolExecutor(threads) as pool:
-                nodes, leaves = _build(flat, 2.0 ** float(np.frexp(extent)[1]), threads, pool)  # no area overflows
+                unit = 2.0 ** float(np.frexp(extent)[1])  # no area overflows
+                nodes, leaves = _build(flat, unit, self._quality, threads, pool)
             flat.bind(bvh_walk.BvhTable.nodes, nodes)
             flat.bind(bvh_walk.BvhTable.leaves, leaves)
             self.bytes = nodes.nbytes + leaves.nbytes
@@ -66,9 +80,9 @@ class Grown(NamedTuple):
     above: list[int]
 
 
-def _build(flat: FlatScene, unit: float, threads: int, pool: Executor) -> tuple[Any, Any]:
+def _build(flat: FlatScene, unit: float, quality: Quality, threads: int, pool: Executor) -> tuple[Any, Any]:
     """Wide nodes, and leaves. What a step no longer needs is freed before the next allocates: 250 bytes a triangle."""
-    grown = _grown(flat, unit, threads, pool)
+    grown = _grown(flat, unit, quality, threads, pool)
     nodes, leaves = _widened(grown, _first_of_kinds(flat), pool)
     order = grown.order
     del grown
@@ -83,10 +97,10 @@ def _first_of_kinds(flat: FlatScene) -> tuple[int, int]:
     return triangles, triangles + spheres
 
 
-def _grown(flat: FlatScene, unit: float, threads: int, pool: Executor) -> Grown:
+def _grown(flat: FlatScene, unit: float, quality: Quality, threads: int, pool: Executor) -> Grown:
     counts = primitive_counts(flat)
     n = sum(counts)
-    places, extent = min(n + int(EXTRA * counts[0]), MOST_PRIMITIVES), np.ptp(flat.bounds, axis=0) / unit
+    places, extent = min(n + int(quality.extra * counts[0]), MOST_PRIMITIVES), np.ptp(flat.bounds, axis=0) / unit
     growth = Growth(
         np.empty((2, places, 8), np.float32),
         np.empty((2, places), np.int32),
@@ -95,7 +109,9 @@ def _grown(flat: FlatScene, unit: float, threads: int, pool: Executor) -> Grown:
         flat.arrays[SceneTable.vertices],
         flat.arrays[SceneTable.triangles],
         *_first_of_kinds(flat),
-        FEWEST,
+        quality.bins,
+        quality.swept,
+        quality.fewest,
         unit,
         padding(flat),
         rounding(flat),

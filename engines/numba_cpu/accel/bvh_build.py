@@ -25,9 +25,8 @@ from engines.kernels.compile.simd import convert, lane, lesser, load8, splat, st
 from engines.kernels.compile.values import select
 from engines.numba_cpu.accel.bvh_cuts import CUT_SCRATCH, Copy, Plane, Window, find_cut, half_area, move_cut
 
-BINS = 32
-SWEPT = 64
-"""Of up to so many primitives every plane between two of them is looked at, not those of bins alone."""
+BINS, SWEPT = 32, 64
+"""At most: bins of boxes; parts of which every plane between two is looked at, not those of bins alone."""
 LEAF = 8
 """Primitives a leaf may hold, all of one kind."""
 DEEPEST = 48
@@ -36,8 +35,6 @@ TASK = 4096
 """Up to so many primitives are one task; what holds more is divided by a task of its own, up to 64 of them."""
 OVERLAP = 1e-3
 """Planes that cut are looked at where the halves of a node would have this share of the scene's area in common."""
-EXTRA = 0.3
-"""Parts beside whole primitives, at most, as a share of the triangles."""
 SEARCH = max(10 * 3 * BINS + 16, 5 * SWEPT)
 """Numbers that the search for a plane between parts works on."""
 SCRATCH = SEARCH + CUT_SCRATCH
@@ -47,8 +44,9 @@ TRIANGLES, SPHERES, ANALYTIC = range(3)
 
 class Growth(NamedTuple):
     """Of n places: `records` (2, n, 8) float32 boxes and `order` (2, n) int32: each division moves parts from one copy to the
-    other. `boxes` (2n, 8) float32 and `links` (2n, 3) int32: the tree. Up to `fewest` of a kind are not divided. Boxes are in
-    multiples of `unit`, triangles in metres; boxes of parts are padded by `pad`, and by the share `rounding` of each number."""
+    other. `boxes` (2n, 8) float32 and `links` (2n, 3) int32: the tree. `bins`, `swept` and `fewest` are those of
+    `bvh.Quality`. Boxes are in multiples of `unit`, triangles in metres; boxes of parts are padded by `pad`, and by the share
+    `rounding` of each number."""
 
     records: NDArray[np.float32]
     order: NDArray[np.int32]
@@ -58,6 +56,8 @@ class Growth(NamedTuple):
     faces: NDArray[np.int32]
     first_sphere: int
     first_analytic: int
+    bins: int
+    swept: int
     fewest: int
     unit: float
     pad: float
@@ -146,11 +146,11 @@ def _best_plane(boxes, counts, behind, n, bins):
 
 
 @inline
-def _find_plane(source, start, n, centers, scratch):
+def _find_plane(source, start, n, centers, bins, scratch):
     """The best plane between bins of boxes."""
     boxes, behind = array_at(scratch, np.float32), array_at(scratch + 32 * 3 * BINS, np.float32)
     counts, few = array_at(scratch + 36 * 3 * BINS, np.int32), array_at(scratch + 40 * 3 * BINS, np.float32)
-    bins = min(BINS, 4 + n // 2)
+    bins = min(bins, 4 + n // 2)
     store8(few, 8, centers)
     store8(few, 0, splat(np.float32(0)))
     for axis in range(3):
@@ -286,8 +286,8 @@ def _divide(growth, node, copy, window, depth, scratch):
         if n <= growth.fewest:
             return 0, 0
     if depth < DEEPEST:
-        swept = n <= SWEPT
-        plane = _sweep(source, start, n, scratch) if swept else _find_plane(source, start, n, centers, scratch)
+        swept = n <= growth.swept
+        plane = _sweep(source, start, n, scratch) if swept else _find_plane(source, start, n, centers, growth.bins, scratch)
         if plane.overlap > growth.least_overlap and window.end - window.first > n:
             cut = find_cut(growth, source, window, box, scratch + 4 * SEARCH)
             if cut.cost < plane.cost:
