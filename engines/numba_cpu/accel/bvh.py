@@ -131,7 +131,7 @@ def _widened(grown: Grown, first_of_kinds: tuple[int, int], pool: Executor) -> t
         weigh(boxes, links, choices, node, node + 1, order, *first_of_kinds)
     tree = boxes, unit, links, choices.ways, order, *first_of_kinds
     counts = widen(*tree, False, np.empty((0, NODE_WORDS), np.float32), np.empty((0, 4), np.int32))
-    nodes, leaves = np.empty((counts[0], NODE_WORDS), np.float32), np.empty((counts[1], 4), np.int32)
+    nodes, leaves = np.zeros((counts[0], NODE_WORDS), np.float32), np.empty((counts[1], 4), np.int32)
     widen(*tree, True, nodes, leaves)
     return nodes, leaves
 

@@ -21,9 +21,9 @@ NODE_COST, LEAF_COST = 1.0, 1.0
 """The step of a ray through a wide node, and through a leaf, in the same unit of time."""
 NODE_WORDS = 64
 """A wide node: x, y, z of its children's lower corners and then of the upper ones, eight float32 each; the children, eight
-int32; and eight times NOTHING. A child is a wide node, or a leaf -1 - (32 first + 8 kind + count - 1); it holds count
-primitives of a kind from place `first`."""
-CHILDREN, NOTHINGS = 48, 56
+int32, NOTHING for none; and eight unused words. A child is a wide node, or a leaf -1 - (32 first + 8 kind + count - 1), which
+holds count primitives of a kind from place `first`."""
+CHILDREN = 48
 NOTHING = -(2**31)
 MOST_PRIMITIVES = 2**26 - 1
 TINY = 2.0**-100
@@ -146,5 +146,4 @@ def widen(boxes, unit, links, ways, order, first_sphere, first_analytic, write, 
             if write:
                 _put_child(boxes, unit, numbers, base + slot, m)
                 words[base + CHILDREN + slot] = child
-                words[base + NOTHINGS + slot] = NOTHING
     return used, ended

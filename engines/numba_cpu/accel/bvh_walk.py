@@ -32,7 +32,7 @@ from engines.kernels.stages.linear import (
     occluded_planes,
 )
 from engines.numba_cpu.accel.bvh_build import ANALYTIC, DEEPEST, TRIANGLES
-from engines.numba_cpu.accel.bvh_collapse import CHILDREN, NODE_WORDS, NOTHING, NOTHINGS
+from engines.numba_cpu.accel.bvh_collapse import CHILDREN, NODE_WORDS, NOTHING
 from engines.numba_cpu.accel.bvh_leaves import stride
 from engines.numba_cpu.accel.primitives import PAD_ULPS, clear_hits, finite_inverse
 
@@ -50,14 +50,14 @@ WIDEN = 1 + 16 * EPS
 
 # A ray's record, in 32-bit words: 1 / direction, offsets of near and far planes, the widened distance of the nearest hit
 # and its bits as a bound of keys; rows of near planes, the child to enter, height of the stack; axis order and reals for
-# triangles. Then the stack: keys and nodes of the children that wait, of a shadow ray the children themselves.
+# triangles. Then the stack: the keys of the children that wait, and these; of a shadow ray these alone.
 INVERSE, NEAR, FAR, T_MAX, BOUND, ROW, CHILD, HEIGHT, AXES, REALS = 0, 3, 6, 9, 10, 11, 14, 15, 16, 20
 KEYS = 32
 # A node leaves seven entries at most, and each wide node is a level of the two-wide tree at least; eight are written at a time,
 # and eight lie below the first.
 STACK = 7 * (DEEPEST + 32) + 21
-PARENTS = KEYS + STACK
-RECORD = -(-(PARENTS + STACK) // 16) * 16
+ENTRIES = KEYS + STACK
+RECORD = -(-(ENTRIES + STACK) // 16) * 16
 AT_NODES, AT_LEAVES = LANES * RECORD, LANES * RECORD + LANES + 1
 SCRATCH = LANES * RECORD + 2 * (LANES + 1)
 STEP_LINES = 5
@@ -156,7 +156,7 @@ def _start(ray, o, d, t, shadow):
         ray.words[KEYS] = NOTHING
     else:
         store8(ray.words, KEYS, splat(np.int32(0)))
-        ray.words[PARENTS + 7] = NOTHINGS
+        ray.words[ENTRIES + 7] = NOTHING
 
 
 @inline
@@ -186,11 +186,10 @@ def _topmost_within(ray, height):
 
 
 @inline
-def _take(ray, words, entry):
+def _take(ray, entry):
     """Takes an entry, and all above it, off the stack; returns the child, NOTHING at the bottom."""
     ray.words[HEIGHT] = entry - 8
-    slot = ray.words[KEYS + entry] & np.int32(SLOT)
-    return words[np.int64(ray.words[PARENTS + entry]) + np.int64(slot)]
+    return ray.words[ENTRIES + entry]
 
 
 @inline
@@ -229,15 +228,15 @@ def _enter_node(ray, tree):
     near, met = _meet_boxes(ray, tree, node)
     keys = (as_bits(near, np.int32) & np.int32(~SLOT)) | iota()
     waiting = _topmost_within(ray, height)  # before the stack is written: a load cannot wait for three stores
-    key, parent = ray.words[KEYS + waiting], ray.words[PARENTS + waiting]
+    last = ray.words[ENTRIES + waiting]
     nearest = lowest(select(met, keys, np.int32(2**31 - 1)))
-    store8(ray.words, KEYS + 8 + height, packed(keys, met & (keys != nearest)))
-    store8(ray.words, PARENTS + 8 + height, splat(np.int32(node + CHILDREN)))
+    others = met & (keys != nearest)
+    store8(ray.words, KEYS + 8 + height, packed(keys, others))
+    store8(ray.words, ENTRIES + 8 + height, packed(load8(tree.words, node + CHILDREN), others))
     pushed = bits_set(bits(met))
-    some = pushed > 0
-    ray.words[HEIGHT] = select(some, height + pushed - 1, waiting - 8)
-    parent, slot = select(some, np.int32(node + CHILDREN), parent), select(some, nearest, key) & np.int32(SLOT)
-    return tree.words[np.int64(parent) + np.int64(slot)]
+    ray.words[HEIGHT] = select(pushed > 0, height + pushed - 1, waiting - 8)
+    first = tree.words[node + CHILDREN + np.int64(nearest & np.int32(SLOT))]
+    return select(pushed > 0, first, last)
 
 
 @inline
@@ -309,7 +308,7 @@ def _leave_leaf(ray, tree, shadow, hidden):
     """The child to go to after a leaf: none where a shadow ray is blocked."""
     if shadow:
         return select(hidden, np.int32(NOTHING), _take_last(ray))
-    return _take(ray, tree.words, _topmost_within(ray, np.int64(ray.words[HEIGHT])))
+    return _take(ray, _topmost_within(ray, np.int64(ray.words[HEIGHT])))
 
 
 @inline
