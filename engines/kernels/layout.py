@@ -77,7 +77,7 @@ MOST_NULL_LOBES = 1024
 CAMERA_DIMENSIONS = 2
 """Dimensions before the first vertex: the place in the pixel."""
 RUN = 16
-"""Texels of an environment's row whose densities are summed in the tables by which a texel is chosen: a line of float32."""
+"""Texels of an environment's row whose densities are summed in the tables by which one is chosen: a cache line of float32."""
 SURFACE, MISS = range(2)
 """What a ray has met."""
 

@@ -19,7 +19,7 @@ ACCELERATORS: dict[str, dict[str, Option]] = {
     "none": {},
     "bvh": {
         "quality": Option(
-            bvh.DEFAULT_QUALITY, "fast: a tree in a fifth of the time, whose rays take some 10 % longer", one_of(*bvh.QUALITIES)
+            bvh.DEFAULT_QUALITY, "of the tree: fast is built sooner, and its rays take more steps", one_of(*bvh.QUALITIES)
         )
     },
     "grid": {"density": Option(grid.DENSITY, "cells per primitive", number(0.01, 1000.0))},

@@ -6,7 +6,8 @@
 A round is one process of each checkout, with warm kernels and one thread. The two render every scene in turn, in mirrored
 order (base, this, this, base), a short time each: what slows the machine down meets both. The ratio of a round is the median
 over its pairs. The table gives the geometric mean over rounds of paths/s of this checkout over paths/s of the base, with the
-95 % interval of Student's t for the logarithms. `--images` compares the films bit for bit.
+95 % interval of Student's t for the logarithms. A scene that the base lacks is taken from this checkout; a file, which numba
+renders in float32, is the same for both. `--images` compares the films bit for bit.
 """
 
 from __future__ import annotations
@@ -81,14 +82,17 @@ def film_hash(film: Any) -> str:
 
 def work(checkout: Path) -> None:
     """What a process of a checkout does: answers each line of JSON, a case and the samples a pixel that it shall render, with
-    a line, the seconds that it took; without samples with the hash of a film."""
-    renderers: dict[str, Any] = {}
+    a line, the seconds that it took; without samples with the hash of a film. What else is printed goes to standard error."""
+    answers = os.fdopen(os.dup(1), "w")
+    os.dup2(2, 1)
+    held, renderer = "", None
     for line in sys.stdin:
         name, spp = json.loads(line)
-        if name not in renderers:
-            renderers = {name: renderer_of(CASES.get(name, Case(name, "numba", "float32")), checkout)}
-        found = process_seconds(renderers[name], spp) if spp else film_hash(renderers[name].render(IMAGE_SPP))
-        print(json.dumps(found), flush=True)
+        if name != held:
+            renderer = None  # the last one is freed first
+            held, renderer = name, renderer_of(CASES.get(name, Case(name, "numba", "float32")), checkout)
+        found = process_seconds(renderer, spp) if spp else film_hash(renderer.render(IMAGE_SPP))
+        print(json.dumps(found), file=answers, flush=True)
 
 
 class Worker:
@@ -103,8 +107,11 @@ class Worker:
         )
 
     def ask(self, name: str, spp: int) -> Any:
-        self.process.stdin.write(json.dumps((name, spp)) + "\n")
-        answer = self.process.stdout.readline()
+        try:
+            self.process.stdin.write(json.dumps((name, spp)) + "\n")
+            answer = self.process.stdout.readline()
+        except BrokenPipeError:
+            answer = ""
         if not answer:
             raise SystemExit(f"the process of {self.checkout} ended with status {self.process.wait()}")
         return json.loads(answer)
@@ -124,7 +131,8 @@ class Round(NamedTuple):
 
 def measured(base: Worker, this: Worker, name: str, seconds: float) -> Round:
     """A round of a case, whose renders take about so many seconds."""
-    this.ask(name, 8), base.ask(name, 8)
+    for worker in (this, base):  # warm
+        worker.ask(name, 8)
     spp = max(1, round(seconds / (base.ask(name, 8) / 8)))
     pairs = []
     for number in range(PAIRS):
@@ -177,15 +185,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("base", type=Path, metavar="BASE")
     parser.add_argument("--scenes", nargs="+", default=list(CASES), metavar="NAME", help=f"{', '.join(CASES)}; or files")
-    parser.add_argument("--rounds", type=int, default=4, help="2 or more")
+    parser.add_argument("--rounds", type=int, default=6, help="2 or more")
     parser.add_argument("--seconds", type=float, default=0.06, help="of one render")
     parser.add_argument("--images", action="store_true", help="compare films bit for bit, time nothing")
     parser.add_argument("--work", action="store_true", help=argparse.SUPPRESS)
     given = parser.parse_args()
     base = given.base.resolve()
-    given.scenes = [name if name in CASES else str(Path(name).resolve()) for name in given.scenes]
     if given.work:
         return work(base)
+    given.scenes = [name if name in CASES else str(Path(name).resolve()) for name in given.scenes]
     if not (base / "engines" / "__init__.py").exists() or given.rounds < 2:
         parser.error(f"{given.base} is no checkout of raybench" if given.rounds > 1 else "--rounds: 2 or more are expected")
     if missing := [name for name in given.scenes if name not in CASES and not Path(name).exists()]:
@@ -203,7 +211,8 @@ def main() -> None:
                 rounds[name].append(measured(*workers, name, given.seconds))
         for worker in workers:
             worker.end()
-        print(f"round {number + 1} of {given.rounds}", file=sys.stderr)
+        if not given.images:
+            print(f"round {number + 1} of {given.rounds}", file=sys.stderr)
     if given.images:
         return sys.exit(differ)
     show_machine()

@@ -239,8 +239,9 @@ def _choose_places(rays, scene, axes, lanes, real_bytes):
         below = rows[row - 1] if row > 0 else 0.0
         rays.environment_place[1, lane] = (row + (u1 - below) / (rows[row] - below)) / height
         rays.environment_row[lane] = row
-        prefetch(address_of(guide) + 2 * (row * in_row + guide_entry(in_row, u0)))
-        prefetch(address_of(runs) + 8 * (row * in_row + guide_entry(in_row, u0)))
+        entry = row * in_row + guide_entry(in_row, u0)
+        prefetch(address_of(guide) + 2 * entry)
+        prefetch(address_of(runs) + 8 * entry)
         prefetch(address_of(runs) + 8 * (row * in_row + in_row - 1))
     todo = lanes
     while todo != 0:
@@ -251,6 +252,7 @@ def _choose_places(rays, scene, axes, lanes, real_bytes):
         sought = u0 * runs[start + in_row - 1]
         run = environment.first_above_from(runs, start, guide[start + guide_entry(in_row, u0)], in_row, sought)
         rays.environment_column[lane] = RUN * run
+        # u, once the texel is known; until then what of the sum is left
         rays.environment_place[0, lane] = sought - (runs[start + run - 1] if run > 0 else 0.0)
         first = address_of(densities) + real_bytes * (row * width + RUN * run)
         prefetch(first)

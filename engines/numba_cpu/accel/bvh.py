@@ -37,7 +37,8 @@ FARTHEST = 1e29
 
 
 class Accelerator:
-    """Eight-wide nodes, and the primitives copied in the order of the leaves. The tree does not depend on the threads."""
+    """Eight-wide nodes, and copies of the primitives in the order of the leaves, of a cut one in each of its leaves. The tree
+    does not depend on the threads."""
 
     name = "bvh"
     precision = None

@@ -23,16 +23,16 @@ from engines.kernels.compile.jit import inline, kernel
 from engines.kernels.compile.memory import array_at
 from engines.kernels.compile.simd import convert, lane, lesser, load8, splat, store8, swapped
 from engines.kernels.compile.values import select
-from engines.numba_cpu.accel.bvh_cuts import CUT_SCRATCH, Copy, Plane, Window, find_cut, half_area, move_cut
+from engines.numba_cpu.accel.bvh_cuts import CUT_SCRATCH, Copy, Plane, Window, find_cut, half_area, move_cut, put
 
 BINS, SWEPT = 32, 64
 """At most: bins of boxes; parts of which every plane between two is looked at, not those of bins alone."""
 LEAF = 8
 """Primitives a leaf may hold, all of one kind."""
 DEEPEST = 48
-"""Below this depth nodes are halved by count, which bounds the depth by DEEPEST + log2(n) + 1."""
+"""Below this depth nodes are halved by count, which bounds the depth by DEEPEST + log2(n) + 1, of n parts."""
 TASK = 4096
-"""Up to so many primitives are one task; what holds more is divided by a task of its own, up to 64 of them."""
+"""Up to so many parts are one task; what holds more is divided by a task of its own, up to 64 of them."""
 OVERLAP = 1e-3
 """Planes that cut are looked at where the halves of a node would have this share of the scene's area in common."""
 SEARCH = max(10 * 3 * BINS + 16, 5 * SWEPT)
@@ -207,13 +207,13 @@ def _copy(growth, k):
 
 @inline
 def _move(source, target, window, before):
-    """Moves parts to the other copy, the first ones to the front of the window, the others to its back."""
+    """Moves parts to the other copy, so many first ones to the front of the window, the others to its back; returns how many
+    are on either side."""
     shift = window.end - window.count
     for k in range(window.count):
-        place = window.first + k if k < before else shift + k
-        store8(target.boxes, 8 * place, load8(source.boxes, 8 * (window.start + k)))
-        target.order[place] = source.order[window.start + k]
-    return before
+        place, here = window.first + k if k < before else shift + k, window.start + k
+        put(target, place, load8(source.boxes, 8 * here), source.order[here])
+    return before, window.count - before
 
 
 @inline
@@ -222,14 +222,13 @@ def _move_sorted(source, target, window, before, places):
     shift = window.end - window.count
     for k in range(window.count):
         place, here = window.first + k if k < before else shift + k, np.int64(places[k])
-        store8(target.boxes, 8 * place, load8(source.boxes, 8 * here))
-        target.order[place] = source.order[here]
-    return before
+        put(target, place, load8(source.boxes, 8 * here), source.order[here])
+    return before, window.count - before
 
 
 @inline
-def _move_by_plane(source, target, window, plane, centers, scratch):
-    """Moves the parts of which the centre lies in a bin before the plane to the front; returns how many those are."""
+def _move_by_plane(source, target, window, plane, scratch):
+    """The same, those to the front of which the centre lies in a bin before the plane."""
     few, axis = array_at(scratch + 40 * 3 * BINS, np.float32), plane.axis
     low, scale = few[8 + axis], few[axis]
     front, back = window.first, window.end - 1
@@ -237,11 +236,10 @@ def _move_by_plane(source, target, window, plane, centers, scratch):
         center = source.boxes[8 * k + axis] - source.boxes[8 * k + 4 + axis]
         before = np.int64(np.int32((center - low) * scale) < plane.before)
         place = back + before * (front - back)  # no branch: it would be missed half of the time
-        store8(target.boxes, 8 * place, load8(source.boxes, 8 * k))
-        target.order[place] = source.order[k]
+        put(target, place, load8(source.boxes, 8 * k), source.order[k])
         front += before
         back -= 1 - before
-    return front - window.first
+    return front - window.first, window.end - 1 - back
 
 
 @inline
@@ -255,16 +253,14 @@ def _count_below(order, window, bound):
 
 @inline
 def _move_by_number(source, target, window, bound):
-    """Moves the parts of primitives numbered below a bound to the front; returns how many those are."""
+    """The same, those to the front whose primitives are numbered below a bound."""
     front, back = window.first, window.end - 1
     for k in range(window.start, window.start + window.count):
         before = np.int64(np.int64(source.order[k]) < bound)
-        place = back + before * (front - back)
-        store8(target.boxes, 8 * place, load8(source.boxes, 8 * k))
-        target.order[place] = source.order[k]
+        put(target, back + before * (front - back), load8(source.boxes, 8 * k), source.order[k])
         front += before
         back -= 1 - before
-    return front - window.first
+    return front - window.first, window.end - 1 - back
 
 
 @inline
@@ -282,7 +278,7 @@ def _divide(growth, node, copy, window, depth, scratch):
             bound = np.int64(growth.first_analytic)
             below = _count_below(source.order, window, bound)
         if 0 < below < n:
-            return _move_by_number(source, target, window, bound), n - below
+            return _move_by_number(source, target, window, bound)
         if n <= growth.fewest:
             return 0, 0
     if depth < DEEPEST:
@@ -296,11 +292,10 @@ def _divide(growth, node, copy, window, depth, scratch):
                     return before, behind
         if swept:
             places = array_at(scratch + 4 * SWEPT * (2 + plane.axis), np.int32)
-            return _move_sorted(source, target, window, plane.before, places), n - plane.before
+            return _move_sorted(source, target, window, plane.before, places)
         if plane.axis >= 0:
-            before = _move_by_plane(source, target, window, plane, centers, scratch)
-            return before, n - before
-    return _move(source, target, window, n // 2), n - n // 2
+            return _move_by_plane(source, target, window, plane, scratch)
+    return _move(source, target, window, n // 2)
 
 
 @inline
@@ -317,13 +312,18 @@ def _windows(window, before, behind):
     return _window(window.first, middle, window.first, before), _window(middle, window.end, window.end - behind, behind)
 
 
+@inline
+def _note(todo, k, node, copy, depth, window):
+    todo[k, 0], todo[k, 1], todo[k, 2] = node, copy, depth
+    todo[k, 3], todo[k, 4], todo[k, 5], todo[k, 6] = window
+
+
 @kernel
 def grow(growth, node, copy, window, depth, once, todo, scratch):
     """Grows all below a node and leaves the order of its parts in copy 0; returns the end of the places used. With `once` it is
     divided once: its halves have their places, but are not written yet, and are left in `todo` (n, 7), the second one first:
     node, copy, depth, window."""
-    todo[0, 0], todo[0, 1], todo[0, 2] = node, copy, depth
-    todo[0, 3], todo[0, 4], todo[0, 5], todo[0, 6] = window
+    _note(todo, 0, node, copy, depth, window)
     top, used = 1, 2 * window[0] + 2
     while top > 0:
         top -= 1
@@ -339,11 +339,9 @@ def grow(growth, node, copy, window, depth, once, todo, scratch):
         if once:
             used = 2 * halves[1].first
         growth.links[node, 2] = used
-        for side in range(2):
-            half = halves[0] if side else halves[1]
-            todo[top, 0], todo[top, 1], todo[top, 2] = used + 1 - side, 1 - copy, depth + 1
-            todo[top, 3], todo[top, 4], todo[top, 5], todo[top, 6] = half
-            top += 1
+        _note(todo, top, used + 1, 1 - copy, depth + 1, halves[1])
+        _note(todo, top + 1, used, 1 - copy, depth + 1, halves[0])
+        top += 2
         if once:
             break
         used += 2

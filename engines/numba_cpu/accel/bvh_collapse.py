@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from engines.kernels.compile.jit import inline, kernel
 from engines.kernels.compile.memory import array_at
 from engines.kernels.compile.simd import load8
-from engines.numba_cpu.accel.bvh_build import LEAF, half_area, kind_of
+from engines.numba_cpu.accel.bvh_build import LEAF, kind_of
+from engines.numba_cpu.accel.bvh_cuts import half_area
 
 WIDTH = 8
 NODE_COST, LEAF_COST = 1.0, 1.0

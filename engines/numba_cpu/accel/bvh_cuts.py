@@ -56,6 +56,13 @@ class Window(NamedTuple):
 
 
 @inline
+def put(target, place, box, primitive):
+    """Writes a part to a copy."""
+    store8(target.boxes, 8 * place, box)
+    target.order[place] = primitive
+
+
+@inline
 def _cut(growth, i, box, axis, at, left, right):
     """Boxes of what lies of part `box` of primitive i on both sides of a plane. A side without anything of it is empty."""
     store8(left, 0, box)
@@ -101,7 +108,8 @@ class Cuts(NamedTuple):
 
 @inline
 def _cuts(scratch):
-    bins, sides, rest = 3 * CUTS, scratch + 96 * CUTS, scratch + 96 * CUTS + 64
+    bins, sides = 3 * CUTS, scratch + 96 * CUTS
+    rest = sides + 64
     return Cuts(
         array_at(scratch, np.float32),
         array_at(sides, np.float32),
@@ -216,19 +224,12 @@ def move_cut(growth, source, target, window, box, plane, scratch):
                     before, n_before, behind_box = False, n_before - 1, lesser(behind_box, part)
             else:
                 room -= 1
-                store8(target.boxes, 8 * front, load8(left, 0))
-                target.order[front] = source.order[k]
+                put(target, front, load8(left, 0), source.order[k])
+                put(target, back, load8(right, 0), source.order[k])
                 front += 1
-                store8(target.boxes, 8 * back, load8(right, 0))
-                target.order[back] = source.order[k]
                 back -= 1
                 continue
-        if before:
-            store8(target.boxes, 8 * front, part)
-            target.order[front] = source.order[k]
-            front += 1
-        else:
-            store8(target.boxes, 8 * back, part)
-            target.order[back] = source.order[k]
-            back -= 1
+        put(target, front if before else back, part, source.order[k])
+        front += np.int64(before)
+        back -= np.int64(not before)
     return front - window.first, window.end - 1 - back

@@ -233,10 +233,10 @@ def _enter_node(ray, tree):
     others = met & (keys != nearest)
     store8(ray.words, KEYS + 8 + height, packed(keys, others))
     store8(ray.words, ENTRIES + 8 + height, packed(load8(tree.words, node + CHILDREN), others))
-    pushed = bits_set(bits(met))
-    ray.words[HEIGHT] = select(pushed > 0, height + pushed - 1, waiting - 8)
+    n_met = bits_set(bits(met))
+    ray.words[HEIGHT] = select(n_met > 0, height + n_met - 1, waiting - 8)
     first = tree.words[node + CHILDREN + np.int64(nearest & np.int32(SLOT))]
-    return select(pushed > 0, first, last)
+    return select(n_met > 0, first, last)
 
 
 @inline
@@ -354,7 +354,7 @@ def _enter_analytic_leaf(rays, scene, lane, o, d, ray, tree, shadow, distance, r
 
 @inline
 def _start_rays(scratch, origin, direction, t_max, triangles, queues, shadow, real):
-    """Sets every ray up at the root; returns how many wait there."""
+    """Sets up the lanes that have a ray, at the root; returns the lengths of the queues."""
     lanes, waiting = positive_lanes(t_max), np.int64(0)
     while lanes != 0:
         lane = np.uint64(lowest_bit(lanes))

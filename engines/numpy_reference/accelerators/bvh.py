@@ -20,7 +20,7 @@ LANES = 8192
 CHILD_BITS = 24
 CHILD = (1 << CHILD_BITS) - 1
 FAR = np.iinfo(np.int64).max
-# Batcher's odd-even merge sort for eight values.
+# The odd-even merge sort (Batcher 1968) for eight values.
 SORTING_NETWORK = (
     (0, 1),
     (2, 3),
