@@ -3,9 +3,9 @@
 SCENE is a name, a YAML file, or an XML file of Mitsuba's, which Mitsuba takes as it is. All render with a path tracer of the
 same depth without roulette, with independent random numbers, in float32. Mitsuba is timed by its own render call, warm.
 The contestants take turns in one process, in mirrored order; a round is one turn of each and one back. The table gives the
-median rate, and the geometric mean over rounds of our paths/s over those of Mitsuba with the same intersection flags, with
-the 95 % interval of Student's t for the logarithms: by processor time of the process, which other processes disturb least,
-and by the wall clock.
+median rate, and the geometric mean over rounds of our paths/s over those of Mitsuba with the same intersection flags, of numba,
+which is watertight, over those of Mitsuba with either, with the 95 % interval of Student's t for the logarithms: by processor
+time of the process, which other processes disturb least, and by the wall clock.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ ROBUST, FAST = ({"name": "embree", "robust": robust} for robust in (True, False)
 
 
 class Contestant(NamedTuple):
-    """`versus`: the label of the contestant that it is held against, if any."""
+    """`versus`: the labels of the contestants that it is held against."""
 
     label: str
     engine: str
     accelerator: Any
-    versus: str = ""
+    versus: tuple[str, ...] = ()
 
 
 CONTESTANTS = (
-    Contestant("numba auto", "numba", "auto", "mitsuba robust"),
-    Contestant("numba bvh", "numba", "bvh", "mitsuba robust"),
-    Contestant("embree robust", "embree", ROBUST, "mitsuba robust"),
-    Contestant("embree fast", "embree", FAST, "mitsuba fast"),
+    Contestant("numba auto", "numba", "auto", ("mitsuba robust", "mitsuba fast")),
+    Contestant("numba bvh", "numba", "bvh", ("mitsuba robust", "mitsuba fast")),
+    Contestant("embree robust", "embree", ROBUST, ("mitsuba robust",)),
+    Contestant("embree fast", "embree", FAST, ("mitsuba fast",)),
     Contestant("mitsuba robust", PEER, ROBUST),
     Contestant("mitsuba fast", PEER, FAST),
 )
@@ -101,14 +101,14 @@ def show(found: dict[str, list[Seconds]], pixels: int, contestants: list[Contest
     for clock in Seconds._fields:
         seconds = {label: [getattr(one, clock) for one in rounds] for label, rounds in found.items()}
         for contestant in contestants:
-            own, peer = seconds.get(contestant.label), seconds.get(contestant.versus)
+            own = seconds.get(contestant.label)
             if own is None:
                 continue
-            line = f"  {contestant.label:16}{clock:11}{pixels / statistics.median(own) / 1e6:9.3f}"
-            if peer:
-                mean, low, high = interval([theirs / mine for mine, theirs in zip(own, peer, strict=True)])
-                line += f"{mean:14.3f}   {low:.3f} to {high:.3f}  ({contestant.versus})"
-            print(line, flush=True)
+            print(f"  {contestant.label:16}{clock:11}{pixels / statistics.median(own) / 1e6:9.3f}", flush=True)
+            for label in contestant.versus:
+                if peer := seconds.get(label):
+                    mean, low, high = interval([theirs / mine for mine, theirs in zip(own, peer, strict=True)])
+                    print(f"{'':38}{mean:12.3f}   {low:.3f} to {high:.3f}  ({label})", flush=True)
 
 
 def size_of(scene: engines.Scene, pixels: int) -> tuple[int, int]:
