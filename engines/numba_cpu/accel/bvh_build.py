@@ -23,7 +23,18 @@ from engines.kernels.compile.jit import inline, kernel
 from engines.kernels.compile.memory import array_at
 from engines.kernels.compile.simd import convert, lane, lesser, load8, splat, store8, swapped
 from engines.kernels.compile.values import select
-from engines.numba_cpu.accel.bvh_cuts import CUT_SCRATCH, Copy, Plane, Window, find_cut, half_area, move_cut, put
+from engines.numba_cpu.accel.bvh_cuts import (
+    CUT_SCRATCH,
+    NO_PLANE,
+    Copy,
+    Plane,
+    Window,
+    better_plane,
+    find_cut,
+    half_area,
+    move_cut,
+    put,
+)
 
 BINS, SWEPT = 32, 64
 """At most: bins of boxes; parts of which every plane between two is looked at, not those of bins alone."""
@@ -120,29 +131,18 @@ def _common_half_area(a, b):
 
 
 @inline
-def _best_plane(boxes, counts, behind, n, bins):
-    """The best plane between two bins. An empty side costs NaN or inf."""
-    least, best_axis, best_bin = np.float32(np.inf), -1, 0
+def _best_plane(boxes, counts, behind, bins):
+    """The best plane between two bins."""
+    best = Plane(*NO_PLANE)
     for axis in range(3):
-        box, held = splat(np.float32(np.inf)), 0
-        for b in range(axis * BINS + bins - 1, axis * BINS, -1):
-            box = lesser(box, load8(boxes, 8 * b))
-            held += np.int64(counts[b])
-            behind[b] = np.float32(held) * half_area(box)
-        box, held = splat(np.float32(np.inf)), 0
-        for b in range(axis * BINS, axis * BINS + bins - 1):
-            box = lesser(box, load8(boxes, 8 * b))
-            held += np.int64(counts[b])
-            cost = np.float32(held) * half_area(box) + behind[b + 1]
-            if cost < least and held > 0 and held < n:
-                least, best_axis, best_bin = cost, axis, b + 1 - axis * BINS
-    if best_axis < 0:  # all centres are equal
-        return Plane(least, -1, 0, np.float32(np.inf))
+        best = better_plane(best, boxes, counts, counts, behind, axis, axis * BINS, bins)
+    if best.axis < 0:  # all centres are equal
+        return Plane(best.cost, best.axis, best.before, np.float32(np.inf))
     left = right = splat(np.float32(np.inf))
     for b in range(bins):
-        box = load8(boxes, 8 * (best_axis * BINS + b))
-        left, right = (lesser(left, box), right) if b < best_bin else (left, lesser(right, box))
-    return Plane(least, best_axis, best_bin, _common_half_area(left, right))
+        box = load8(boxes, 8 * (best.axis * BINS + b))
+        left, right = (lesser(left, box), right) if b < best.before else (left, lesser(right, box))
+    return Plane(best.cost, best.axis, best.before, _common_half_area(left, right))
 
 
 @inline
@@ -156,7 +156,7 @@ def _find_plane(source, start, n, centers, bins, scratch):
     for axis in range(3):
         few[axis] = _bins_per_unit(centers, axis, bins)
     _fill_bins(source.boxes, start, start + n, centers, load8(few, 0), boxes, counts, bins)
-    return _best_plane(boxes, counts, behind, n, bins)
+    return _best_plane(boxes, counts, behind, bins)
 
 
 @inline

@@ -39,6 +39,28 @@ class Plane(NamedTuple):
     overlap: float
 
 
+NO_PLANE = np.float32(np.inf), np.int64(-1), np.int64(0), np.float32(0)
+
+
+@inline
+def better_plane(best, boxes, begun, ended, behind, axis, first, bins):
+    """The best of a plane and of those between the bins of an axis, which lie from `first` on: how many parts begin and end in
+    each, and the box of what lies there. An empty side costs NaN or inf. Its overlap is not computed."""
+    box, held = splat(np.float32(np.inf)), 0
+    for b in range(first + bins - 1, first, -1):
+        box = lesser(box, load8(boxes, 8 * b))
+        held += np.int64(ended[b])
+        behind[b] = np.float32(held) * half_area(box)
+    box, held = splat(np.float32(np.inf)), 0
+    for b in range(first, first + bins - 1):
+        box = lesser(box, load8(boxes, 8 * b))
+        held += np.int64(begun[b])
+        cost = np.float32(held) * half_area(box) + behind[b + 1]
+        if cost < best.cost:
+            best = Plane(cost, np.int64(axis), np.int64(b + 1 - first), np.float32(0))
+    return best
+
+
 class Copy(NamedTuple):
     """Arrays of one of the two copies of the parts."""
 
@@ -161,26 +183,14 @@ def _fill_cuts(growth, source, window, box, axis, cuts):
 
 @inline
 def find_cut(growth, source, window, box, scratch):
-    """The best plane that cuts parts in two; its overlap is not computed."""
-    cuts = _cuts(scratch)
-    least, best_axis, best = np.float32(np.inf), -1, 0
+    """The best plane that cuts parts in two."""
+    cuts, best = _cuts(scratch), Plane(*NO_PLANE)
     for axis in range(3):
         if not (-lane(box, 4 + axis) - lane(box, axis) > np.float32(64 * EPS)):
             continue
         _fill_cuts(growth, source, window, box, axis, cuts)
-        side, held = splat(np.float32(np.inf)), 0
-        for b in range(axis * CUTS + CUTS - 1, axis * CUTS, -1):
-            side = lesser(side, load8(cuts.boxes, 8 * b))
-            held += np.int64(cuts.ended[b])
-            cuts.behind[b] = np.float32(held) * half_area(side)
-        side, held = splat(np.float32(np.inf)), 0
-        for b in range(axis * CUTS, axis * CUTS + CUTS - 1):
-            side = lesser(side, load8(cuts.boxes, 8 * b))
-            held += np.int64(cuts.begun[b])
-            cost = np.float32(held) * half_area(side) + cuts.behind[b + 1]
-            if cost < least:
-                least, best_axis, best = cost, axis, b + 1 - axis * CUTS
-    return Plane(least, best_axis, best, np.float32(0))
+        best = better_plane(best, cuts.boxes, cuts.begun, cuts.ended, cuts.behind, axis, axis * CUTS, CUTS)
+    return best
 
 
 @inline
