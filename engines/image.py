@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -270,13 +270,13 @@ def _rgb(file: Path, channels: Mapping[str, NDArray[Any]], prefix: str) -> Image
 
 
 @contextmanager
-def opened_bitmap(file: Path, formats: tuple[str, ...] = PILLOW_FORMATS) -> Iterator[Any]:
-    """Pillow's image of a file of one of these formats; its header is read, its pixels are not."""
+def opened_bitmap(file: Path, formats: tuple[str, ...] = PILLOW_FORMATS, data: bytes | None = None) -> Iterator[Any]:
+    """Pillow's image of a file of one of these formats, or of `data` within that file; its header is read, its pixels are not."""
     from PIL import Image as Pillow
     from PIL import UnidentifiedImageError
 
     try:
-        with decoding(file), open_regular(file) as stream, Pillow.open(stream, formats=formats) as image:
+        with decoding(file), _stream(file, data) as stream, Pillow.open(stream, formats=formats) as image:
             yield image
     except SceneError as problem:
         if isinstance(problem.__cause__, Pillow.DecompressionBombError):
@@ -287,16 +287,20 @@ def opened_bitmap(file: Path, formats: tuple[str, ...] = PILLOW_FORMATS) -> Iter
         raise
 
 
+def _stream(file: Path, data: bytes | None) -> BinaryIO:
+    return open_regular(file) if data is None else io.BytesIO(data)
+
+
 def _bitmap(file: Path) -> NDArray[np.uint8]:
     with opened_bitmap(file) as image:
         check_bitmap(file, image)
         return np.asarray(image.convert("RGB"))
 
 
-def check_bitmap(file: Path, image: Any) -> None:
-    """Refuses an image of Pillow's by its header. Raises `SceneError`."""
+def check_bitmap(file: Path, image: Any, size: int | None = None) -> None:
+    """Refuses an image of Pillow's by its header; it has `size` bytes, or those of the file. Raises `SceneError`."""
     width, height = image.size
-    check_size(file, width, height, most_pixels(file))
+    check_size(file, width, height, most_pixels(file, size))
     tags = getattr(image, "tag_v2", {})
     if TILE_WIDTH in tags and TILE_HEIGHT in tags:  # a TIFF's tiles may be larger than the image, and are decoded whole
         check_size(file, tags[TILE_WIDTH], tags[TILE_HEIGHT], SMALL_PIXELS)
@@ -309,9 +313,9 @@ def decoded_srgb(bitmap: NDArray[np.uint8]) -> Image:
     return linear[bitmap]
 
 
-def most_pixels(file: Path) -> int:
-    """How many pixels a file of this size may have."""
-    return min(MAX_PIXELS, max(SMALL_PIXELS, file.stat().st_size))
+def most_pixels(file: Path, size: int | None = None) -> int:
+    """How many pixels a file of its size, or of `size` bytes, may have."""
+    return min(MAX_PIXELS, max(SMALL_PIXELS, file.stat().st_size if size is None else size))
 
 
 def check_size(file: Path, width: int, height: int, most: int) -> None:

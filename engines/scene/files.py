@@ -13,7 +13,8 @@ from engines.schema.yaml_file import Located
 SUFFIXES = (".yaml", ".yml", ".xml")
 """Of scene files: of those with one name, the first is found."""
 MESH_SUFFIXES = (".obj", ".ply", ".stl")
-"""Of meshes that are scenes by themselves; a bare name finds none of them."""
+GLTF_SUFFIXES = (".glb", ".gltf")
+"""Of meshes, and of glTF files, that are scenes by themselves; a bare name finds none of them."""
 _ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -35,7 +36,7 @@ def is_xml(path: str | PathLike[str]) -> bool:
 
 def names_a_file(name: str) -> bool:
     """Whether a scene's name is that of a file, by its suffix, and not a bare one."""
-    return name.lower().endswith((*SUFFIXES, *MESH_SUFFIXES))
+    return name.lower().endswith((*SUFFIXES, *MESH_SUFFIXES, *GLTF_SUFFIXES))
 
 
 def find_scene(path: str | PathLike[str]) -> Path:

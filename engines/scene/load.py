@@ -9,7 +9,7 @@ from typing import Any
 
 from engines.errors import SceneError
 from engines.scene.context import SceneReader
-from engines.scene.files import MESH_SUFFIXES, Place, find_scene, is_xml
+from engines.scene.files import GLTF_SUFFIXES, MESH_SUFFIXES, Place, find_scene, is_xml
 from engines.scene.mesh_scene import mesh_scene
 from engines.scene.scene import SCENE, Scene
 from engines.schema.yaml_file import locate, read_yaml
@@ -22,8 +22,8 @@ def load_scene(
     parameters: Mapping[str, str] | None = None,
     natively: bool = False,
 ) -> Scene:
-    """The scene of a YAML file (a path, or the bare name of one in `scenes/`), of a Mitsuba XML file, or of a mesh (OBJ, PLY or
-    STL) in front of a default camera, under a neutral sky.
+    """The scene of a YAML file (a path, or the bare name of one in `scenes/`), of a Mitsuba XML file, of a glTF file, or of a
+    mesh (OBJ, PLY or STL) in front of a default camera, under a neutral sky.
 
     Files that it names must lie in its folder, below it, or in the shipped scenes, unless `allow_outside`; a plugin
     `module:attribute` is imported only with `allow_imports`. `parameters` are values of `$name` in an XML file.
@@ -42,6 +42,10 @@ def load_scene(
         raise SceneError(f"{file}: parameters are for Mitsuba's XML files")
     if file.suffix.lower() in MESH_SUFFIXES:
         return mesh_scene(file, Place(file.parent, allow_outside))
+    if file.suffix.lower() in GLTF_SUFFIXES:
+        from engines.scene.gltf import gltf_scene
+
+        return gltf_scene(file, Place(file.parent, allow_outside))
     root = read_yaml(file)
     return SCENE.read(root, SceneReader(Place(file.parent, allow_outside), file.stem, str(file), allow_imports))
 

@@ -56,21 +56,26 @@ def _framed(file: Path, place: Place, material: Any = None) -> Scene:
     shape: dict[str, Any] = {"mesh": {"file": file.name, "smooth": _has_normals(file)}}
     towards, up = VIEWS.get(file.suffix.lower(), VIEW)
     eye = np.array(towards) / np.linalg.norm(towards)
-    right = np.cross(up, eye)
-    sun = {"directional": {"direction": (-0.6 * eye - np.array(up) + right).tolist(), "irradiance": SUN}}
     camera = {"type": "perspective", "eye": eye.tolist(), "target": [0, 0, 0], "up": list(up), "fov": FOV}
     scene = {
         "raybench_scene": 1,
         "camera": {**camera, "resolution": list(RESOLUTION)},
         "materials": {"grey": material} if material else None,
         "shapes": [{**shape, **({"material": "grey"} if material else {})}],
-        "lights": [SKY, sun],
+        "lights": neutral_lights(eye, np.array(up)),
     }
     made = SCENE.read(locate(scene, str(file)), SceneReader(place, file.stem, str(file)))
     (mesh,) = made.shapes
     assert isinstance(mesh, Mesh) and isinstance(made.camera, Perspective)
     framed = framing(made.camera, mesh.vertices[np.unique(mesh.faces)], eye)
     return replace(made, camera=framed, content_hash=content_hash(framed, made.materials, made.shapes, made.lights))
+
+
+def neutral_lights(towards: NDArray[np.float64], up: NDArray[np.float64]) -> list[dict[str, Any]]:
+    """A sky, and a sun above the left of a camera in the direction `towards` (3,) with this axis upwards, as a scene file has
+    them."""
+    direction = -0.6 * towards - up + np.cross(up, towards)
+    return [SKY, {"directional": {"direction": direction.tolist(), "irradiance": SUN}}]
 
 
 def _has_normals(file: Path) -> bool:

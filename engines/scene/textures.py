@@ -295,10 +295,10 @@ class Images:
             raise SceneError(f"{node.where}: {problem}") from problem
         return file
 
-    def read(self, file: Path) -> NDArray[Any]:
-        """(h, w, c) values of a file as `read_texels` gives them. Raises `SceneError`."""
+    def read(self, file: Path, data: bytes | None = None) -> NDArray[Any]:
+        """(h, w, c) values of a file, or of `data` under that name, as `read_texels` gives them. Raises `SceneError`."""
         if file not in self.texels:
-            self.texels[file] = read_texels(file)
+            self.texels[file] = read_texels(file, data)
         return self.texels[file]
 
     def linear(self, file: Path, srgb: bool | None, channel: str) -> NDArray[np.float32]:

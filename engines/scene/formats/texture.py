@@ -31,12 +31,15 @@ _LETTERS = {1: "r", 2: "ra", 3: "rgb", 4: "rgba"}
 """What the channels of an image are; the first of a grey one is its grey, which `r`, `g` and `b` all mean."""
 
 
-def read_texels(path: Path) -> NDArray[Any]:
-    """(h, w, c) values as a file has them, c from 1 to 4: grey, grey and alpha, RGB, RGB and alpha.
+def read_texels(path: Path, data: bytes | None = None) -> NDArray[Any]:
+    """(h, w, c) values as a file has them, c from 1 to 4: grey, grey and alpha, RGB, RGB and alpha. `data` is a bitmap that
+    stands within another file; messages call it `path`.
 
     uint8 and uint16 of bitmaps, float32 of EXR, HDR and PFM. Raises `SceneError` naming the file when it is missing, no regular
     file, damaged, of an unknown format, too large (known from its header), or holds infinities or NaN.
     """
+    if data is not None:
+        return _bitmap(path, PILLOW_FORMATS, data)
     file = readable(path, TEXTURE_SUFFIXES)
     suffix = file.suffix.lower()
     if suffix != ".exr" and suffix not in _FLOATS:
@@ -63,12 +66,12 @@ def _exr(file: Path) -> NDArray[np.float32]:
         return np.stack([channels[name] for name in names], axis=2, dtype=np.float32, casting="same_kind")
 
 
-def _bitmap(file: Path, formats: tuple[str, ...]) -> NDArray[Any]:
-    with opened_bitmap(file, formats) as image:
-        check_bitmap(file, image)
+def _bitmap(file: Path, formats: tuple[str, ...], data: bytes | None = None) -> NDArray[Any]:
+    with opened_bitmap(file, formats, data) as image:
+        check_bitmap(file, image, None if data is None else len(data))
         raw = str(image.tile[0][3]) if image.format == "PNG" and image.tile else ""
         if raw in ("RGB;16B", "RGBA;16B", "LA;16B"):
-            return _deep_png(file, raw)
+            return _deep_png(file, raw, data)
         if image.mode in ("I;16", "I;16L", "I;16B", "I"):
             texels = np.asarray(image)
             return texels.clip(0, 65535).astype(np.uint16)[:, :, None]
@@ -85,11 +88,11 @@ def _bitmap(file: Path, formats: tuple[str, ...]) -> NDArray[Any]:
         return texels[:, :, None] if texels.ndim == 2 else texels
 
 
-def _deep_png(file: Path, raw: str) -> NDArray[np.uint16]:
+def _deep_png(file: Path, raw: str, data: bytes | None) -> NDArray[np.uint16]:
     """Pillow has eight bits for these: its unpackers for the other order of bytes read the low ones."""
 
     def unpacked(how: str) -> NDArray[np.uint16]:
-        with opened_bitmap(file, ("PNG",)) as image:
+        with opened_bitmap(file, ("PNG",), data) as image:
             codec, extents, offset, _ = image.tile[0]
             image.tile = [type(image.tile[0])(codec, extents, offset, how)]
             return np.asarray(image).astype(np.uint16)

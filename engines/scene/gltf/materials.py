@@ -1,0 +1,312 @@
+"""Materials of a glTF file: metallic-roughness and its extensions as Disney's BSDF, with notes on what that does not show."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from engines.scene.bsdf import Blend, Bsdf, Mask, NormalMap
+from engines.scene.context import SceneReader
+from engines.scene.gltf.document import (
+    Document,
+    child,
+    extension,
+    mapping,
+    name_of,
+    number,
+    numbers,
+    optional,
+    required,
+)
+from engines.scene.gltf.notes import Notes
+from engines.scene.gltf.textures import Change, Pixels, Textures, uv_set
+from engines.scene.materials import Material
+from engines.scene.models import IORS, LEAST_CONTRAST, Diffuse, Principled, ThinDielectric
+from engines.scene.textures import Color, ImageTexture, MeshAttribute, Number, Texture
+from engines.scene.triple import BLACK, WHITE, Triple, product, triple
+from engines.schema import fields
+from engines.schema.yaml_file import Located
+
+VERTEX_COLOR = "vertex_color"
+"""The attribute of meshes that have COLOR_0, times the base colour."""
+MODES = ("OPAQUE", "MASK", "BLEND")
+SMOOTH = 0.05
+"""Roughness up to which a pane is taken as smooth without a note."""
+MOST_REFLECTED = ((IORS[1] - 1.0) / (IORS[1] + 1.0)) ** 2
+LUMINANCE = (0.212671, 0.715160, 0.072169)
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """The index of a material, the set of texture coordinates that it looks at, the factor of vertex colours, and whether it has
+    a normal map."""
+
+    index: int
+    uv_set: int
+    tint: Triple
+    tilted: bool
+
+
+@dataclass(slots=True)
+class Materials:
+    """The materials of a file that meshes have."""
+
+    document: Document
+    reader: SceneReader
+    notes: Notes
+    textures: Textures
+    looks: dict[tuple[Any, ...], Look] = field(default_factory=dict)
+    names: set[str] = field(default_factory=set)
+
+    def look(self, primitive: Located, colored: bool, mirrored: bool) -> Look:
+        """The material of a primitive that has vertex colours, or has not, for faces whose texture coordinates are mirrored, or
+        are not."""
+        named = optional(primitive, "material")
+        key = (None if named is None else named.value, colored, mirrored)
+        if key not in self.looks:
+            node = child(self.document.root, {}, "materials", "default") if named is None else self.document.item("materials", named)
+            reading = _Reading(node, name_of(node, "material"), self.textures, self.notes, colored, mirrored)
+            material = reading.material()
+            material = replace(material, name=self._unique(reading.name))
+            index = self.reader.table.add(material)
+            self.looks[key] = Look(index, reading.uv_set or 0, reading.tint, reading.tilted)
+        return self.looks[key]
+
+    def _unique(self, name: str) -> str:
+        unique, count = name, len(self.names) + 1
+        while unique in self.names:
+            unique, count = f"{name}_{count}", count + 1
+        self.names.add(unique)
+        return unique
+
+
+@dataclass(slots=True)
+class _Reading:
+    """A material that is being read. `uv_set` is that of its first texture, `tint` the factor of vertex colours."""
+
+    node: Located
+    name: str
+    textures: Textures
+    notes: Notes
+    colored: bool
+    mirrored: bool
+    uv_set: int | None = None
+    tint: Triple = WHITE
+    tilted: bool = False
+
+    def material(self) -> Material:
+        """The material. Raises `SceneError`."""
+        pbr = self._part(optional(self.node, "pbrMetallicRoughness"))
+        base, opacity = self._base(pbr)
+        emission = self._emission()
+        if extension(self.node, "KHR_materials_unlit") is not None:
+            self._note("it is unlit: it emits its base colour, and so lights what is around it")
+            return Material("", emission=base, two_sided=True, bsdf=None if opacity == 1.0 else Mask(opacity, Diffuse(BLACK)))
+        bsdf = self._bsdf(pbr, base)
+        if opacity != 1.0:
+            bsdf = Mask(opacity, bsdf)
+            if emission != BLACK:
+                self._note("what is cut out of it emits all the same")
+        two_sided = fields.boolean(optional(self.node, "doubleSided") or child(self.node, False))
+        return Material("", emission=emission, two_sided=two_sided and emission != BLACK, bsdf=bsdf)
+
+    # ---- values
+
+    def _note(self, text: str) -> None:
+        self.notes.add(text, f"material {self.name!r}")
+
+    def _part(self, node: Located | None) -> Located:
+        return child(self.node, {}) if node is None else mapping(node)
+
+    def _shares(self, node: Located, key: str, default: tuple[float, ...]) -> tuple[float, ...]:
+        """Numbers that are held in [0, 1]."""
+        given = numbers(node, key, default)
+        held = tuple(min(max(each, 0.0), 1.0) for each in given)
+        if held != given:
+            self._note(f"{key} lies outside of [0, 1]: it is held there")
+        return held
+
+    def _share(self, node: Located, key: str, default: float) -> float:
+        wrapped = child(node, {key: [node.value[key]]} if key in node.value else {})
+        return self._shares(wrapped, key, (default,))[0]
+
+    def _texture(
+        self, node: Located, key: str, channel: str = "", srgb: bool = False, change: Change | None = None
+    ) -> ImageTexture | None:
+        """The texture at a key; None where there is none, or, with a note, where it looks at another set of coordinates."""
+        info = optional(node, key)
+        if info is None:
+            return None
+        own = uv_set(info)
+        if self.uv_set is None:
+            self.uv_set = own
+        if own != self.uv_set:
+            self._note(f"{key} is left out: it looks at TEXCOORD_{own}, and other textures at TEXCOORD_{self.uv_set}")
+            return None
+        return self.textures.read(info, channel, srgb, change)
+
+    def _number(self, node: Located, key: str, texture: str, channel: str, default: float) -> Number:
+        """A share, or one channel of a texture times it."""
+        factor = self._share(node, key, default)
+        found = self._texture(node, texture, channel, change=_times((factor,))) if factor > 0.0 else None
+        return factor if found is None else found
+
+    # ---- parts
+
+    def _base(self, pbr: Located) -> tuple[Color, Number]:
+        """The base colour, and how much of the surface is there."""
+        red, green, blue, alpha = self._shares(pbr, "baseColorFactor", (1.0, 1.0, 1.0, 1.0))
+        color: Color = (red, green, blue)
+        image = self._texture(pbr, "baseColorTexture", srgb=True, change=_times(color))
+        if self.colored and image is not None:
+            self._note("vertex colours are left out, as it has a texture")
+        elif self.colored:
+            self.tint, color = color, MeshAttribute(VERTEX_COLOR)
+        color = color if image is None else image
+        mode = optional(self.node, "alphaMode")
+        kind = "OPAQUE" if mode is None else fields.one_of(mode, MODES, "alphaMode")
+        if kind == "OPAQUE":
+            return color, 1.0
+        if kind == "BLEND":
+            return color, self._texture(pbr, "baseColorTexture", "a", change=_times((alpha,))) or alpha
+        cutoff = number(self.node, "alphaCutoff", 0.5)
+        cut = Change(("cut", alpha, cutoff), lambda pixels: pixels * np.float32(alpha) >= cutoff)
+        image = self._texture(pbr, "baseColorTexture", "a", change=cut)
+        if image is not None:
+            self._note("its alpha is cut off at texels, between which it is interpolated")
+        return color, image or float(alpha >= cutoff)
+
+    def _emission(self) -> Color:
+        factor = numbers(self.node, "emissiveFactor", (0.0, 0.0, 0.0))
+        strength = extension(self.node, "KHR_materials_emissive_strength")
+        scale = 1.0 if strength is None else number(strength, "emissiveStrength", 1.0)
+        emission = product(triple(factor), scale)
+        if min(emission) < 0.0 or not max(emission) < 1e30:
+            raise required(self.node, "emissiveFactor").refuse("times emissiveStrength must lie in [0, 1e30]")
+        if max(emission) == 0.0:
+            return BLACK
+        image = self._texture(self.node, "emissiveTexture", srgb=True, change=_times(emission))
+        return emission if image is None else image
+
+    def _bsdf(self, pbr: Located, base: Color) -> Bsdf:
+        metallic = self._number(pbr, "metallicFactor", "metallicRoughnessTexture", "b", 1.0)
+        roughness = self._number(pbr, "roughnessFactor", "metallicRoughnessTexture", "g", 1.0)
+        transmission, solid = self._transmission(metallic)
+        eta = self._eta(metallic != 0.0 or transmission != 0.0)
+        coat, gloss = self._clearcoat()
+        bsdf: Bsdf = Principled(
+            base,
+            roughness,
+            metallic=metallic,
+            eta=eta,
+            sheen=self._sheen(),
+            clearcoat=coat,
+            clearcoat_gloss=gloss,
+            spec_trans=transmission if solid else 0.0,
+        )
+        normals = self._normals()
+        if normals is not None:
+            bsdf = NormalMap(normals, bsdf)
+        if solid or transmission == 0.0:
+            return bsdf
+        if isinstance(roughness, Texture) or roughness > SMOOTH:
+            self._note("its thin pane is smooth where light passes it: neither that nor its reflection is blurred")
+        return Blend(transmission, bsdf, ThinDielectric(max(eta, 1.0 + LEAST_CONTRAST), transmittance=base))
+
+    def _eta(self, reflects: bool) -> float:
+        """The index of refraction, with what KHR_materials_specular makes of the reflectance at normal incidence."""
+        ior, specular = extension(self.node, "KHR_materials_ior"), extension(self.node, "KHR_materials_specular")
+        index = 1.5 if ior is None else number(ior, "ior", 1.5)
+        if index != 0.0 and not 1.0 <= index <= IORS[1]:
+            raise required(self._part(ior), "ior").refuse(f"must be 0, or lie in [1, {IORS[1]:g}]")
+        reflected = 1.0 if index == 0.0 else ((index - 1.0) / (index + 1.0)) ** 2
+        if specular is not None:
+            color = numbers(specular, "specularColorFactor", (1.0, 1.0, 1.0))
+            reflected *= self._share(specular, "specularFactor", 1.0) * sum(a * b for a, b in zip(color, LUMINANCE, strict=True))
+            if len(set(color)) > 1:
+                self._note("its reflection is not tinted: specularColorFactor counts by its luminance")
+            for key in ("specularTexture", "specularColorTexture"):
+                if optional(specular, key) is not None:
+                    self._note(f"{key} is left out")
+        root = min(max(reflected, 0.0), MOST_REFLECTED) ** 0.5
+        return max((1.0 + root) / (1.0 - root), 1.0 + LEAST_CONTRAST if reflects else 1.0)
+
+    def _transmission(self, metallic: Number) -> tuple[Number, bool]:
+        """The share of light that may pass, and whether what it enters is a solid."""
+        node = extension(self.node, "KHR_materials_transmission")
+        if node is None or metallic == 1.0:
+            return 0.0, False
+        volume = extension(self.node, "KHR_materials_volume")
+        solid = volume is not None and number(volume, "thicknessFactor", 0.0) > 0.0
+        if solid and volume is not None and {"attenuationDistance", "attenuationColor"} & volume.value.keys():
+            self._note("its inside does not absorb light: attenuationColor is left out")
+        share = self._number(node, "transmissionFactor", "transmissionTexture", "r", 0.0)
+        if not solid and metallic != 0.0 and share != 0.0:
+            if isinstance(metallic, Texture) or isinstance(share, Texture):
+                self._note("light passes its metallic parts, too")
+            else:
+                share *= 1.0 - metallic
+        return share, solid and share != 0.0
+
+    def _sheen(self) -> Number:
+        node = extension(self.node, "KHR_materials_sheen")
+        if node is None:
+            return 0.0
+        factor = triple(self._shares(node, "sheenColorFactor", (0.0, 0.0, 0.0)))
+        if max(factor) == 0.0:
+            return 0.0
+        self._note("its sheen is Disney's, white, by the luminance of sheenColorFactor, whatever its roughness")
+        image = self._texture(node, "sheenColorTexture", srgb=True, change=_times(factor))
+        return sum(a * b for a, b in zip(factor, LUMINANCE, strict=True)) if image is None else image
+
+    def _clearcoat(self) -> tuple[Number, Number]:
+        """Its strength and its gloss."""
+        node = extension(self.node, "KHR_materials_clearcoat")
+        coat = 0.0 if node is None else self._number(node, "clearcoatFactor", "clearcoatTexture", "r", 0.0)
+        if node is None or coat == 0.0:
+            return 0.0, 0.0
+        self._note("its clear coat is Disney's: a quarter as strong, with a wider highlight, and it does not dim the base")
+        if optional(node, "clearcoatNormalTexture") is not None:
+            self._note("its clear coat has the normals of the base: clearcoatNormalTexture is left out")
+        factor = self._share(node, "clearcoatRoughnessFactor", 0.0)
+        glossy = Change(("gloss", factor), lambda pixels: _gloss(pixels * factor))
+        image = self._texture(node, "clearcoatRoughnessTexture", "g", change=glossy) if factor > 0.0 else None
+        return coat, float(_gloss(np.array(factor))) if image is None else image
+
+    def _normals(self) -> ImageTexture | None:
+        info = optional(self.node, "normalTexture")
+        if info is None:
+            return None
+        scale = number(mapping(info), "scale", 1.0)
+
+        def changed(pixels: Pixels) -> Pixels:
+            normals = 2.0 * pixels - 1.0
+            normals[:, :, :2] *= scale
+            if self.mirrored:
+                normals[:, :, 1] *= -1.0
+            return (normals + 1.0) / 2.0
+
+        plain = scale == 1.0 and not self.mirrored
+        found = self._texture(
+            self.node, "normalTexture", change=None if plain else Change(("normal", scale, self.mirrored), changed)
+        )
+        if found is not None and found.pixels.shape[2] != 3:
+            self._note("its normalTexture is left out: an image with three channels is expected")
+            return None
+        self.tilted = found is not None
+        return found
+
+
+def _times(factor: tuple[float, ...]) -> Change | None:
+    """Pixels times a number or a colour; None for 1."""
+    if set(factor) == {1.0}:
+        return None
+    numbers = factor[:1] if len(set(factor)) == 1 else factor
+    return Change(("times", *numbers), lambda pixels: pixels * np.array(numbers, np.float32))
+
+
+def _gloss(roughness: Any) -> Any:
+    """Disney's gloss of the clear coat whose width is the square of a roughness: from 0.1 down to 0.001."""
+    return np.clip((0.1 - roughness**2) / 0.099, 0.0, 1.0)
