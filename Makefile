@@ -14,7 +14,7 @@ help:
 	@echo "make bench       install, run configs/quick.yaml into $(OUT), say where the report is"
 	@echo "make test        install, run the tests (ARGS='-k film' chooses)"
 	@echo "make test-slow   the tests that 'make test' leaves out: more cases of what it checks"
-	@echo "make fuzz        read a thousand damaged scenes, meshes, images, configs and events each (ARGS='--seed 2')"
+	@echo "make fuzz        read a thousand damaged scenes, meshes, glTF files, images, configs and events each (ARGS='--seed 2')"
 	@echo "make lint        ruff and pyright"
 	@echo "make docs        build the documentation: docs/_build/html/index.html, to be opened from there"
 	@echo "make docs-pictures  make its pictures anew (many minutes)"

@@ -271,7 +271,7 @@ def _rgb(file: Path, channels: Mapping[str, NDArray[Any]], prefix: str) -> Image
 
 @contextmanager
 def opened_bitmap(file: Path, formats: tuple[str, ...] = PILLOW_FORMATS, data: bytes | None = None) -> Iterator[Any]:
-    """Pillow's image of a file of one of these formats, or of `data` within that file; its header is read, its pixels are not."""
+    """Pillow's image of a file of one of these formats, or of `data` within it; its header is read, its pixels are not."""
     from PIL import Image as Pillow
     from PIL import UnidentifiedImageError
 

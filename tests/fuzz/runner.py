@@ -16,7 +16,7 @@ from typing import IO
 
 from tests.fuzz.worker import ROOT
 
-KINDS = ("scenes", "mitsuba", "meshes", "images", "configs", "events")
+KINDS = ("scenes", "mitsuba", "meshes", "gltf", "images", "configs", "events")
 CHUNK = 250
 """Cases of one worker process."""
 START_SECONDS = 120.0

@@ -1,8 +1,8 @@
 """A glTF file as JSON values with their places, and the bytes and numbers of its buffers.
 
-A reader of our own: pygltflib takes 7 s for a megabyte of JSON, makes numbers of texts and integers of fractions, sets attributes
-that a file names, and says of no mistake where it is; trimesh leaves most material extensions and all lights out. Everything here
-takes time and memory in proportion to the bytes of the files.
+A reader of our own: pygltflib takes 7 s for a megabyte of JSON, makes numbers of texts and integers of fractions, sets
+attributes that a file names, and says of no mistake where it is; trimesh leaves most material extensions and all lights out.
+Everything here takes time and memory in proportion to the bytes of the files.
 """
 
 from __future__ import annotations
@@ -47,7 +47,8 @@ _JSON, _BIN = 0x4E4F534A, 0x004E4942
 
 @dataclass(slots=True)
 class Document:
-    """The JSON of a file, and what of its buffers has been read. `read` counts numbers of accessors, `held` bytes of buffers."""
+    """The JSON of a file, and what of its buffers has been read. `read` counts numbers of accessors, `held` bytes of buffers;
+    `uris` are the data URIs, for which "data:0" and so on stand in the JSON."""
 
     file: Path
     place: Place
@@ -123,7 +124,7 @@ class Document:
         return self.buffers[index]
 
     def array(self, node: Located, types: tuple[str, ...]) -> NDArray[Any]:
-        """(n, k) numbers of the accessor that is named at `node`: integers as they are, floats and normalised integers in float64.
+        """(n, k) numbers of the accessor that is named at `node`: float64, but integers that are not normalised as they are.
 
         Raises `SceneError` where it is of none of the `types`, or its buffer is too short."""
         accessor = self.item("accessors", node)
@@ -213,7 +214,9 @@ def _chunks(file: Path, data: bytes) -> tuple[memoryview, memoryview | None]:
         raise SceneError(f"{file}: is cut short: a .glb has a header of 20 bytes")
     version, length = struct.unpack_from("<II", data, 4)
     if version != 2:
-        raise SceneError(f"{file}: is a .glb of version {version}: version 2 is read; convert it with a program that writes that")
+        raise SceneError(
+            f"{file}: is a .glb of version {version}: version 2 is read; convert it with a program that writes that"
+        )
     if length > len(data):
         raise SceneError(f"{file}: is cut short: its header says {length} bytes, and it has {len(data)}")
     found: dict[int, memoryview] = {}

@@ -9,28 +9,18 @@ import numpy as np
 
 from engines.scene.bsdf import Blend, Bsdf, Mask, NormalMap
 from engines.scene.context import SceneReader
-from engines.scene.gltf.document import (
-    Document,
-    child,
-    extension,
-    mapping,
-    name_of,
-    number,
-    numbers,
-    optional,
-    required,
-)
+from engines.scene.gltf.document import Document, child, extension, mapping, name_of, number, numbers, optional, required
 from engines.scene.gltf.notes import Notes
 from engines.scene.gltf.textures import Change, Pixels, Textures, uv_set
 from engines.scene.materials import Material
 from engines.scene.models import IORS, LEAST_CONTRAST, Diffuse, Principled, ThinDielectric
-from engines.scene.textures import Color, ImageTexture, MeshAttribute, Number, Texture
+from engines.scene.textures import Color, ImageTexture, MeshAttribute, Number, Texture, tinted
 from engines.scene.triple import BLACK, WHITE, Triple, product, triple
 from engines.schema import fields
 from engines.schema.yaml_file import Located
 
-VERTEX_COLOR = "vertex_color"
-"""The attribute of meshes that have COLOR_0, times the base colour."""
+VERTEX_COLOR, VERTEX_ALPHA = "vertex_color", "vertex_alpha"
+"""The attributes of meshes that have COLOR_0: its colour times the base colour, and its alpha."""
 MODES = ("OPAQUE", "MASK", "BLEND")
 SMOOTH = 0.05
 """Roughness up to which a pane is taken as smooth without a note."""
@@ -40,8 +30,8 @@ LUMINANCE = (0.212671, 0.715160, 0.072169)
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """The index of a material, the set of texture coordinates that it looks at, the factor of vertex colours, and whether it has
-    a normal map."""
+    """The index of a material, the set of texture coordinates that it looks at, the factor of vertex colours, and whether it
+    has a normal map."""
 
     index: int
     uv_set: int
@@ -64,9 +54,10 @@ class Materials:
         """The material of a primitive that has vertex colours, or has not, for faces whose texture coordinates are mirrored, or
         are not."""
         named = optional(primitive, "material")
-        key = (None if named is None else named.value, colored, mirrored)
+        default = child(self.document.root, {}, "materials", "default")
+        node = default if named is None else self.document.item("materials", named)
+        key = (node.path, colored, mirrored)
         if key not in self.looks:
-            node = child(self.document.root, {}, "materials", "default") if named is None else self.document.item("materials", named)
             reading = _Reading(node, name_of(node, "material"), self.textures, self.notes, colored, mirrored)
             material = reading.material()
             material = replace(material, name=self._unique(reading.name))
@@ -100,15 +91,14 @@ class _Reading:
         """The material. Raises `SceneError`."""
         pbr = self._part(optional(self.node, "pbrMetallicRoughness"))
         base, opacity = self._base(pbr)
-        emission = self._emission()
         if extension(self.node, "KHR_materials_unlit") is not None:
             self._note("it is unlit: it emits its base colour, and so lights what is around it")
-            return Material("", emission=base, two_sided=True, bsdf=None if opacity == 1.0 else Mask(opacity, Diffuse(BLACK)))
+            black = None if opacity == 1.0 else Mask(opacity, Diffuse(BLACK))
+            return Material("", emission=self._covered(base, opacity), two_sided=True, bsdf=black)
+        emission = self._covered(self._emission(), opacity)
         bsdf = self._bsdf(pbr, base)
         if opacity != 1.0:
             bsdf = Mask(opacity, bsdf)
-            if emission != BLACK:
-                self._note("what is cut out of it emits all the same")
         two_sided = fields.boolean(optional(self.node, "doubleSided") or child(self.node, False))
         return Material("", emission=emission, two_sided=two_sided and emission != BLACK, bsdf=bsdf)
 
@@ -170,6 +160,8 @@ class _Reading:
         if kind == "OPAQUE":
             return color, 1.0
         if kind == "BLEND":
+            if self.colored and image is None:
+                return color, MeshAttribute(VERTEX_ALPHA, alpha)
             return color, self._texture(pbr, "baseColorTexture", "a", change=_times((alpha,))) or alpha
         cutoff = number(self.node, "alphaCutoff", 0.5)
         cut = Change(("cut", alpha, cutoff), lambda pixels: pixels * np.float32(alpha) >= cutoff)
@@ -189,6 +181,21 @@ class _Reading:
             return BLACK
         image = self._texture(self.node, "emissiveTexture", srgb=True, change=_times(emission))
         return emission if image is None else image
+
+    def _covered(self, emission: Color, opacity: Number) -> Color:
+        """The emission of what is there of the surface: a mask does not scale it."""
+        if opacity == 1.0 or emission == BLACK:
+            return emission
+        if isinstance(emission, ImageTexture) and isinstance(opacity, float | ImageTexture):
+            together = self.textures.covered(self.node, emission, opacity)
+            if together is not None:
+                return together
+        elif isinstance(opacity, ImageTexture) and isinstance(emission, tuple):
+            return self.textures.colored(self.node, opacity, emission)
+        elif isinstance(opacity, float):
+            return product(emission, opacity) if isinstance(emission, tuple) else tinted(emission, (opacity, opacity, opacity))
+        self._note("what is cut out of it emits all the same")
+        return emission
 
     def _bsdf(self, pbr: Located, base: Color) -> Bsdf:
         metallic = self._number(pbr, "metallicFactor", "metallicRoughnessTexture", "b", 1.0)
@@ -221,17 +228,20 @@ class _Reading:
         index = 1.5 if ior is None else number(ior, "ior", 1.5)
         if index != 0.0 and not 1.0 <= index <= IORS[1]:
             raise required(self._part(ior), "ior").refuse(f"must be 0, or lie in [1, {IORS[1]:g}]")
+        least = 1.0 + LEAST_CONTRAST if reflects else 1.0
+        if specular is None and index != 0.0:
+            return max(index, least)
         reflected = 1.0 if index == 0.0 else ((index - 1.0) / (index + 1.0)) ** 2
         if specular is not None:
             color = numbers(specular, "specularColorFactor", (1.0, 1.0, 1.0))
-            reflected *= self._share(specular, "specularFactor", 1.0) * sum(a * b for a, b in zip(color, LUMINANCE, strict=True))
+            reflected *= self._share(specular, "specularFactor", 1.0) * _luminance(color)
             if len(set(color)) > 1:
                 self._note("its reflection is not tinted: specularColorFactor counts by its luminance")
             for key in ("specularTexture", "specularColorTexture"):
                 if optional(specular, key) is not None:
                     self._note(f"{key} is left out")
         root = min(max(reflected, 0.0), MOST_REFLECTED) ** 0.5
-        return max((1.0 + root) / (1.0 - root), 1.0 + LEAST_CONTRAST if reflects else 1.0)
+        return max((1.0 + root) / (1.0 - root), least)
 
     def _transmission(self, metallic: Number) -> tuple[Number, bool]:
         """The share of light that may pass, and whether what it enters is a solid."""
@@ -259,7 +269,7 @@ class _Reading:
             return 0.0
         self._note("its sheen is Disney's, white, by the luminance of sheenColorFactor, whatever its roughness")
         image = self._texture(node, "sheenColorTexture", srgb=True, change=_times(factor))
-        return sum(a * b for a, b in zip(factor, LUMINANCE, strict=True)) if image is None else image
+        return _luminance(factor) if image is None else image
 
     def _clearcoat(self) -> tuple[Number, Number]:
         """Its strength and its gloss."""
@@ -297,6 +307,10 @@ class _Reading:
             return None
         self.tilted = found is not None
         return found
+
+
+def _luminance(color: tuple[float, ...]) -> float:
+    return sum(a * b for a, b in zip(color, LUMINANCE, strict=True))
 
 
 def _times(factor: tuple[float, ...]) -> Change | None:

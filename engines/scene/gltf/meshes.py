@@ -11,30 +11,23 @@ from numpy.typing import NDArray
 
 from engines.scene.attributes import Attributes, of_copies
 from engines.scene.context import SceneReader
-from engines.scene.geometry import unit_rows, with_face_normals
-from engines.scene.gltf.document import (
-    Document,
-    child,
-    extension,
-    integer,
-    listed,
-    mapping,
-    name_of,
-    optional,
-    required,
-)
-from engines.scene.gltf.materials import VERTEX_COLOR, Materials
+from engines.scene.geometry import has_area, unit_rows, with_face_normals
+from engines.scene.gltf.document import Document, extension, integer, listed, mapping, name_of, optional, required
+from engines.scene.gltf.materials import VERTEX_ALPHA, VERTEX_COLOR, Materials
 from engines.scene.gltf.notes import Notes
 from engines.scene.mesh import Mesh, faceted, read_only_mesh
 from engines.scene.mitsuba_xml.transforms import Matrix, cofactors, mirrored, placed
-from engines.scene.shapes import check_area
 from engines.schema.yaml_file import Located
 
 TRIANGLES, STRIP, FAN = 4, 5, 6
 LARGEST = 1e30
 """Coordinates within which vertices must lie."""
 MAX_COPIED = 4_000_000
-"""Triangles of all copies beyond those that the buffers have bytes for."""
+"""Triangles of all copies, beyond one for two bytes of the buffers."""
+LEAST_COUNTED = 256
+"""Triangles that a primitive, and a copy of it, counts as at least: a small one takes as long as so many."""
+MAX_WEIGHTS = 8
+"""Sets of four joints of a vertex."""
 NO_DRACO = "is compressed with Draco, which is not read: decompress it, such as with gltf-transform's copy command"
 
 
@@ -74,10 +67,20 @@ class Meshes:
         if named.value not in self.primitives:
             self.primitives[named.value] = list(self._read(mesh))
         for primitive in self.primitives[named.value]:
-            self.triangles += len(primitive.faces)
-            if self.triangles > MAX_COPIED + self.document.held // 4:
-                raise named.refuse(f"with those before it there are {self.triangles} triangles in all copies of so small a file")
-            yield self._copy(primitive, to_world, name_of(mesh, "mesh"), joints)
+            self._count(named, len(primitive.faces))
+            copy = self._copy(primitive, to_world, name_of(mesh, "mesh"), joints)
+            area = has_area(copy.vertices, copy.faces)
+            if area.any():
+                self.reader.degenerate += int((~area).sum())
+                yield copy
+            else:
+                self.notes.add("without an area it is left out", f"mesh {copy.name!r}")
+
+    def _count(self, node: Located, triangles: int) -> None:
+        self.triangles += max(triangles, LEAST_COUNTED)
+        if self.triangles > (most := MAX_COPIED + self.document.held // 2):
+            counted = f"a primitive counts as {LEAST_COUNTED} at least"
+            raise node.refuse(f"nodes show more than {most:,} triangles in all ({counted}): there must be fewer copies")
 
     def _copy(self, primitive: Primitive, matrix: Matrix, name: str, joints: NDArray[np.float64] | None) -> Mesh:
         vertices, faces, normals, uvs = primitive.vertices, primitive.faces, primitive.normals, primitive.uvs
@@ -101,15 +104,14 @@ class Meshes:
                 self.notes.add(faceted(made.replaced), f"mesh {name!r}")
             vertices, faces, normals, uvs = made.vertices, made.faces, made.normals, made.uvs
             attributes = of_copies(attributes, made.copied)
-        shape = read_only_mesh(vertices, faces, primitive.materials, normals, name, uvs, attributes)
-        check_area(primitive.node, shape, self.reader)
-        return shape
+        return read_only_mesh(vertices, faces, primitive.materials, normals, name, uvs, attributes)
 
     # ---- primitives
 
     def _read(self, mesh: Located) -> Iterator[Primitive]:
         name = f"mesh {name_of(mesh, 'mesh')!r}"
         for node in listed(mesh, "primitives"):
+            self._count(node, 0)
             if optional(mapping(node), "targets") is not None:
                 self.notes.add("it is at rest: morph targets are not applied", name)
             mode = integer(node, "mode", TRIANGLES, most=FAN)
@@ -157,15 +159,7 @@ class Meshes:
         if not (np.abs(points) < LARGEST).all():
             raise where.refuse(f"vertices must be finite, and lie within {LARGEST:g} of the origin")
         yield Primitive(
-            node,
-            points,
-            faces,
-            materials,
-            None if normals is None else unit_rows(normals),
-            uvs,
-            attributes,
-            joints,
-            weights,
+            node, points, faces, materials, None if normals is None else unit_rows(normals), uvs, attributes, joints, weights
         )
 
     def _is_compressed(self, where: Located) -> bool:
@@ -197,6 +191,8 @@ class Meshes:
         attributes = {}
         if colors is not None and VERTEX_COLOR in material.attributes:
             attributes[VERTEX_COLOR] = np.clip(colors[:, :3] * look.tint, 0.0, 1.0)
+        if colors is not None and VERTEX_ALPHA in material.attributes:
+            attributes[VERTEX_ALPHA] = np.clip(colors[:, 3:] if colors.shape[1] == 4 else np.ones((len(colors), 1)), 0.0, 1.0)
         if not material.uses_uvs:
             return materials, None, attributes
         uvs = rows(f"TEXCOORD_{look.uv_set}", 2)
@@ -211,7 +207,7 @@ class Meshes:
         self, given: Located, used: NDArray[np.int64], count: int
     ) -> tuple[NDArray[np.int64] | None, NDArray[np.float64] | None]:
         joints, weights = [], []
-        for index in range(len(given.value)):
+        for index in range(MAX_WEIGHTS):
             a, b = optional(given, f"JOINTS_{index}"), optional(given, f"WEIGHTS_{index}")
             if a is None or b is None:
                 break
@@ -247,7 +243,7 @@ def _skin(primitive: Primitive, joints: NDArray[np.float64]) -> NDArray[np.float
     if primitive.joints is None or primitive.weights is None:
         return None
     if primitive.joints.max() >= len(joints):
-        raise child(primitive.node, primitive.joints.max(), "attributes", "JOINTS_0").refuse(f"a joint of {len(joints)}")
+        raise primitive.node.refuse(f"has joint {primitive.joints.max()} of {len(joints)}")
     total = np.zeros((len(primitive.vertices), 4, 4))
     for joint, weight in zip(primitive.joints.T, primitive.weights.T, strict=True):
         total += weight[:, None, None] * joints[joint]

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene.cameras import LARGEST_SIDE, Camera, Orthographic, Perspective
+from engines.scene.cameras import LARGEST_SIDE, Orthographic, Perspective
 from engines.scene.content import content_hash
 from engines.scene.context import SceneReader
 from engines.scene.files import Place
@@ -47,6 +47,8 @@ KNOWN = {
     *("KHR_materials_specular", "KHR_materials_transmission", "KHR_materials_unlit", "KHR_materials_volume"),
 }
 """Extensions that are read."""
+HARMLESS = {"KHR_materials_variants": "its variants are not read: materials are those by default"}
+"""Extensions that a file may do without, whatever it says, with a note."""
 REMEDIES = {
     "KHR_draco_mesh_compression": "decompress it, such as with gltf-transform's copy command",
     "EXT_meshopt_compression": "decompress it, such as with gltf-transform's copy command",
@@ -55,6 +57,7 @@ REMEDIES = {
     "KHR_materials_pbrSpecularGlossiness": "convert its materials, such as with gltf-transform's metalrough",
 }
 """What helps where a file cannot do without an extension that is not read."""
+MAX_NODES = 200_000
 NARROWEST = 1e-3
 """Degrees: the least half angle of a spot light's cone."""
 
@@ -96,17 +99,19 @@ def gltf_scene(file: Path, place: Place) -> Scene:
 def _check_extensions(document: Document, notes: Notes) -> None:
     required_names = [fields.text(each) for each in listed(document.root, "extensionsRequired")]
     for name in required_names:
-        if name not in KNOWN:
+        if name not in KNOWN | HARMLESS.keys():
             remedy = REMEDIES.get(name, "save it without")
             raise document.root.refuse_key("extensionsRequired", f"{name[:80]} is not read: {remedy}")
     for each in listed(document.root, "extensionsUsed"):
-        if fields.text(each) not in KNOWN:
-            notes.add("these extensions are not read", each.value[:80])
+        if fields.text(each) in HARMLESS:
+            notes.add(HARMLESS[each.value], document.file.name)
+        elif each.value not in KNOWN:
+            notes.add("not read, of the extensions of this file", each.value[:80])
     if len(listed(document.root, "animations")):
         notes.add("its animations are not played: it is at rest", document.file.name)
 
 
-def _camera(importer: _Importer) -> tuple[Camera, NDArray[np.float64]]:
+def _camera(importer: _Importer) -> tuple[Perspective | Orthographic, NDArray[np.float64]]:
     """The camera of the file or one that frames it, and the unit vector towards it."""
     if importer.cameras:
         if len(importer.cameras) > 1:
@@ -128,7 +133,7 @@ class _Importer:
     meshes: Meshes
     shapes: list[Mesh] = field(default_factory=list)
     lights: list[Light] = field(default_factory=list)
-    cameras: list[Camera] = field(default_factory=list)
+    cameras: list[Perspective | Orthographic] = field(default_factory=list)
     worlds: dict[int, Matrix] = field(default_factory=dict)
     """The transforms of nodes that have been visited."""
 
@@ -147,6 +152,8 @@ class _Importer:
 
     def _visit(self) -> Iterator[Located]:
         """Every node with its transform in `worlds`, from the roots; none twice."""
+        if (count := len(listed(self.document.root, "nodes"))) > MAX_NODES:
+            raise self.document.root.refuse_key("nodes", f"there are {count}: at most {MAX_NODES:,} are read")
         root = self.document.root
         index = optional(root, "scene") or child(root, 0, "scene")
         if not len(listed(root, "scenes")):
@@ -233,7 +240,9 @@ class _Importer:
             return PointLight(position, color)
         if direction is None:
             raise light.refuse("the scale of its node leaves it no direction")
-        return DirectionalLight(direction, color) if kind == "directional" else self._spot(light, name, position, direction, color)
+        return (
+            DirectionalLight(direction, color) if kind == "directional" else self._spot(light, name, position, direction, color)
+        )
 
     def _spot(self, light: Located, name: str, position: Triple, direction: Triple, color: Triple) -> SpotLight:
         spot = optional(light, "spot") or child(light, {}, "spot")
@@ -274,7 +283,7 @@ def _matrix(node: Located, translation: tuple[float, ...], rotation: tuple[float
     return matrix
 
 
-def _seen(camera: Located, world: Matrix) -> Camera:
+def _seen(camera: Located, world: Matrix) -> Perspective | Orthographic:
     """The camera of a node: it looks along -z, and +y is up."""
     eye = world[:3, 3]
     forward, up = fields.unit(triple(-world[:3, 2])), fields.unit(triple(world[:3, 1]))

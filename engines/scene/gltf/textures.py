@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,8 @@ from engines.image import MAX_PIXELS
 from engines.scene.geometry import read_only
 from engines.scene.gltf.document import Document, extension, integer, mapping, number, numbers, optional, required
 from engines.scene.gltf.notes import Notes
-from engines.scene.textures import IDENTITY, ImageTexture, Images, UVMatrix
+from engines.scene.textures import IDENTITY, Images, ImageTexture, UVMatrix
+from engines.scene.triple import Triple
 from engines.schema.yaml_file import Located
 
 WRAPS = {10497: "repeat", 33648: "mirror", 33071: "clamp"}
@@ -48,8 +49,8 @@ class Textures:
     arrays: dict[tuple[Any, ...], Pixels] = field(default_factory=dict)
 
     def read(self, info: Located, channel: str, srgb: bool, change: Change | None) -> ImageTexture | None:
-        """The texture of a `textureInfo`: of linear colours, or one `channel`, with its pixels changed; None where the image has
-        no alpha, and that is the channel."""
+        """The texture of a `textureInfo`: of linear colours, or one `channel`, with its pixels changed; None where that is
+        alpha, and the image has none."""
         index = required(info, "index")
         texture = self.document.item("textures", index)
         to_uv = _transform(info)
@@ -57,6 +58,22 @@ class Textures:
         if key not in self.made:
             self.made[key] = self._texture(texture, channel, srgb, change, to_uv)
         return self.made[key]
+
+    def covered(self, place: Located, image: ImageTexture, opacity: ImageTexture | float) -> ImageTexture | None:
+        """The image times an opacity; None where their texels are not at the same places."""
+        if not isinstance(opacity, ImageTexture):
+            return self._times(place, image, np.float32(opacity))
+        same = image.pixels.shape[:2] == opacity.pixels.shape[:2]
+        same &= (image.to_uv, image.wrap, image.filter) == (opacity.to_uv, opacity.wrap, opacity.filter)
+        return self._times(place, image, opacity.pixels) if same else None
+
+    def colored(self, place: Located, image: ImageTexture, color: Triple) -> ImageTexture:
+        """An image of one channel times a colour."""
+        return self._times(place, image, np.array(color, np.float32))
+
+    def _times(self, place: Located, image: ImageTexture, factor: Any) -> ImageTexture:
+        self._count(place, image.pixels, 0)
+        return replace(image, pixels=read_only(np.ascontiguousarray(image.pixels * factor, np.float32)))
 
     def _texture(
         self, texture: Located, channel: str, srgb: bool, change: Change | None, to_uv: UVMatrix
