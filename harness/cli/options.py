@@ -154,7 +154,7 @@ Scene = Annotated[
     str,
     typer.Argument(
         metavar="SCENE",
-        help="A scene: a path (.yaml, Mitsuba's .xml, or a mesh: .obj, .ply, .stl), or a bare name from scenes/.",
+        help="A scene: a path (.yaml, Mitsuba's .xml, .glb, .gltf, or a mesh: .obj, .ply, .stl), or a bare name from scenes/.",
         autocompletion=shipped("scenes"),
     ),
 ]

@@ -1,7 +1,7 @@
 """`python -m tests.fuzz [KIND ...] [--seed 1] [--cases 1000] [--case 17] [--jobs 2] [--out results/fuzz]`, or `make fuzz`.
 
-Reads damaged scenes, meshes, images, configs and events, the same for the same seed. Each case must end well, or in an
-error of raybench's own: one line that names the file. A traceback, a case that hangs, a process that dies and memory
+Reads damaged scenes, meshes, glTF files, images, configs and events, the same for the same seed. Each case must end well, or
+in an error of raybench's own: one line that names the file. A traceback, a case that hangs, a process that dies and memory
 above a limit are failures: printed with a command that repeats the case, its input kept. Exit code 1 where there is one.
 """
 

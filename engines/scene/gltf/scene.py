@@ -58,6 +58,8 @@ REMEDIES = {
 }
 """What helps where a file cannot do without an extension that is not read."""
 MAX_NODES = 200_000
+PLACING = {"matrix", "translation", "rotation", "scale"}
+"""Keys of a node's transform."""
 NARROWEST = 1e-3
 """Degrees: the least half angle of a spot light's cone."""
 
@@ -104,18 +106,18 @@ def _check_extensions(document: Document, notes: Notes) -> None:
             raise document.root.refuse_key("extensionsRequired", f"{name[:80]} is not read: {remedy}")
     for each in listed(document.root, "extensionsUsed"):
         if fields.text(each) in HARMLESS:
-            notes.add(HARMLESS[each.value], document.file.name)
+            notes.add(HARMLESS[each.value], "the scene")
         elif each.value not in KNOWN:
-            notes.add("not read, of the extensions of this file", each.value[:80])
+            notes.add("not read", f"extension {each.value[:80]}")
     if len(listed(document.root, "animations")):
-        notes.add("its animations are not played: it is at rest", document.file.name)
+        notes.add("its animations are not played: it is at rest", "the scene")
 
 
 def _camera(importer: _Importer) -> tuple[Perspective | Orthographic, NDArray[np.float64]]:
     """The camera of the file or one that frames it, and the unit vector towards it."""
     if importer.cameras:
         if len(importer.cameras) > 1:
-            importer.notes.add(f"of {len(importer.cameras)} cameras the first is taken", importer.document.file.name)
+            importer.notes.add(f"of {len(importer.cameras)} cameras the first is taken", "the scene")
         camera = importer.cameras[0]
         return camera, np.subtract(camera.eye, camera.target) / np.linalg.norm(np.subtract(camera.eye, camera.target))
     towards = np.array(VIEW[0]) / np.linalg.norm(VIEW[0])
@@ -168,7 +170,7 @@ class _Importer:
             if named.value in self.worlds:
                 raise named.refuse("this node is its own ancestor, or has two parents: a tree is expected")
             with np.errstate(over="ignore", invalid="ignore"):
-                world = outer @ _local(node)
+                world = outer @ _local(node) if PLACING & node.value.keys() else outer
             if not (np.abs(world) < LARGEST).all():
                 raise node.refuse("its transform leaves the range of numbers")
             self.worlds[named.value] = world
