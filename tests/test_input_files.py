@@ -15,6 +15,7 @@ import yaml
 from engines.input_files import NotRegularFile, open_regular, unreadable
 from engines.memory import lacking_memory
 from tests import forked
+from tests.gltf_file import GltfFile
 
 HANG_SECONDS = 120
 SCENE = {
@@ -110,6 +111,7 @@ ways = {
     "x.yaml": [lambda: engines.load_scene("x.yaml"), lambda: config.load("./x.yaml"), lambda: engines.engine("x.yaml")],
     "x.obj": [mesh("x.obj")], "x.ply": [mesh("x.ply")], "x.stl": [mesh("x.stl")],
     "x.mtl": [load(shapes=[{"mesh": {"file": "names_x.obj"}}])],
+    "x.glb": [lambda: engines.load_scene("x.glb")], "x.bin": [lambda: engines.load_scene("names_x.gltf")],
 }
 for name in ("x.png", "x.exr", "x.tif"):
     ways[name] = [load(lights=[{"environment": {"image": name}}])]
@@ -128,15 +130,16 @@ for kind in os.listdir():
 
 
 def test_all_that_a_scene_names_must_be_a_regular_file(tmp_path_factory):
-    """Scene, experiment, renderer's file, meshes, MTL and images: one line each with the name, and no waiting."""
+    """Scene, experiment, renderer's file, meshes, MTL, glTF, buffer, images: one line each with the name, and no waiting."""
     folder = tmp_path_factory.mktemp("f")
     for kind in ("FIFO", "folder", "socket"):
         (folder / kind).mkdir()
-        for name in ("x.yaml", "x.obj", "x.ply", "x.stl", "x.mtl", "x.png", "x.exr", "x.tif"):
+        for name in ("x.yaml", "x.obj", "x.ply", "x.stl", "x.mtl", "x.glb", "x.bin", "x.png", "x.exr", "x.tif"):
             place(kind, folder / kind / name)
         (folder / kind / "names_x.obj").write_text("mtllib x.mtl\n" + OBJ)
+        (folder / kind / "names_x.gltf").write_text(GltfFile().gltf("x.bin"))
     lines = python(READERS, json.dumps(SCENE), folder=folder).splitlines()
-    assert len(lines) == 3 * 16
+    assert len(lines) == 3 * 18
     for line in lines:
         kind, name, message = json.loads(line)
         assert name in message and f"is not a regular file but a {kind}" in message and "\n" not in message

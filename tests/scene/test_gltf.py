@@ -178,6 +178,15 @@ def test_the_default_scene_is_shown(tmp_path):
     assert loaded(tmp_path, file).shapes[0].vertices.max() == 7
 
 
+def test_a_file_without_scenes_shows_all_of_its_nodes(tmp_path):
+    file = GltfFile()
+    del file.tree["scene"], file.tree["scenes"]
+    file.tree["nodes"] = [{"mesh": 0}, {"children": [0], "scale": [3, 3, 3]}]
+    scene = loaded(tmp_path, file)
+    assert [shape.vertices.max() for shape in scene.shapes] == [3]
+    assert scene.warnings == ("the scene: the file does not say what it shows: all nodes are shown",)
+
+
 # ---- cameras and lights ----------------------------------------------------------------------------------------------
 
 

@@ -139,6 +139,31 @@ def test_unlit_emits_its_base_colour_with_a_note(tmp_path):
     assert notes == ("material 'paint': it is unlit: it emits its base colour, and so lights what is around it",)
 
 
+def rendered(folder, file, samples=256):
+    """The mean of the red channel, of a camera that sees the square alone, and its standard error."""
+    file.add("cameras", type="orthographic", orthographic={"xmag": 0.4, "ymag": 0.4, "znear": 0, "zfar": 9})
+    file.tree["nodes"].append({"camera": 0, "translation": [0.5, 0.5, 1]})
+    file.tree["scenes"] = [{"nodes": [0, 1]}]
+    settings = engines.Settings(4, 4, sampler="random")
+    film = engines.engine("numpy").prepare(loaded(folder, file), settings).render(samples)
+    return film.mean()[:, :, 0].mean(), np.sqrt(film.variance_of_mean()[:, :, 0].mean() / 16)
+
+
+def test_an_unlit_surface_is_blended_with_what_lies_behind(tmp_path):
+    file = GltfFile()
+    pbr = {"baseColorFactor": [0.1, 1, 1, 0.25]}
+    file.material({"KHR_materials_unlit": {}}, pbrMetallicRoughness=pbr, alphaMode="BLEND")
+    mean, error = rendered(tmp_path, file)
+    assert 0 < error < 0.01 and mean == pytest.approx(0.25 * 0.1 + 0.75 * 0.6, abs=4 * error)
+
+
+def test_a_thin_pane_before_an_even_sky_cannot_be_seen(tmp_path):
+    file = GltfFile()
+    file.material({"KHR_materials_transmission": {"transmissionFactor": 1}}, pbrMetallicRoughness=DIELECTRIC)
+    mean, _ = rendered(tmp_path, file)
+    assert mean == pytest.approx(0.6, rel=1e-5)
+
+
 DIELECTRIC = {"metallicFactor": 0, "roughnessFactor": 0}
 
 

@@ -90,7 +90,7 @@ def edited(path, value):
         (("nodes", 0, "scale"), [1e300, 1, 1], r"nodes\[0\]: its transform leaves the range of numbers"),
         (("nodes", 0, "rotation"), [0, 0, 0, 0], r"nodes\[0\]: a rotation must be a quaternion, and not 0"),
         (("scenes", 0, "nodes"), [0, 0], r"scenes\[0\]\.nodes\[1\] = 0: this node is its own ancestor, or has two parents"),
-        (("asset", "version"), "1.0", r"is glTF '1\.0': version 2\.0 is read"),
+        (("asset", "version"), "1.0", r"is glTF 1\.0: version 2\.0 is read; save it as that"),
         (("buffers", 0, "uri"), "data:text/plain,hello", r"buffers\[0\]\.uri: is not a data URI in base64"),
         (("buffers", 0, "uri"), "data:;base64,AA=A", r"buffers\[0\]\.uri: is not a data URI in base64"),
         (("buffers", 0, "uri"), "../secret.bin", r"buffers\[0\]\.uri = '\.\./secret\.bin': lies outside the scene's folder"),

@@ -201,10 +201,10 @@ def read_document(file: Path, place: Place) -> Document:
         return b'"%s%d"' % (_MARK.encode(), len(uris) - 1)
 
     root = _json(file, _URI.sub(kept, bytes(text)))
-    document = Document(file, place, root, uris, chunk, held=len(chunk or b""))
-    version = fields.text(required(mapping(required(root, "asset")), "version"))
+    document = Document(file, place, root, uris, chunk)
+    version = str(required(mapping(required(root, "asset")), "version").value)[:20]
     if version.split(".")[0] != "2":
-        raise SceneError(f"{file}: is glTF {version[:20]!r}: version 2.0 is read; convert it with a program that writes that")
+        raise SceneError(f"{file}: is glTF {version}: version 2.0 is read; save it as that")
     return document
 
 
@@ -214,9 +214,7 @@ def _chunks(file: Path, data: bytes) -> tuple[memoryview, memoryview | None]:
         raise SceneError(f"{file}: is cut short: a .glb has a header of 20 bytes")
     version, length = struct.unpack_from("<II", data, 4)
     if version != 2:
-        raise SceneError(
-            f"{file}: is a .glb of version {version}: version 2 is read; convert it with a program that writes that"
-        )
+        raise SceneError(f"{file}: is a .glb of version {version}: version 2 is read; save it as that")
     if length > len(data):
         raise SceneError(f"{file}: is cut short: its header says {length} bytes, and it has {len(data)}")
     found: dict[int, memoryview] = {}

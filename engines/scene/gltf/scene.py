@@ -157,13 +157,12 @@ class _Importer:
         if (count := len(listed(self.document.root, "nodes"))) > MAX_NODES:
             raise self.document.root.refuse_key("nodes", f"there are {count}: at most {MAX_NODES:,} are read")
         root = self.document.root
-        index = optional(root, "scene") or child(root, 0, "scene")
-        if not len(listed(root, "scenes")):
-            if optional(root, "scenes") is None and not len(listed(root, "nodes")):
-                return
-            raise root.refuse_key("scenes", "is missing or empty: the file does not say what it shows")
-        scene = self.document.item("scenes", index)
-        waiting = [(each, np.eye(4)) for each in reversed(list(listed(scene, "nodes")))]
+        if len(listed(root, "scenes")):
+            index = optional(root, "scene") or child(root, 0, "scene")
+            roots = list(listed(self.document.item("scenes", index), "nodes"))
+        else:
+            roots = self._parentless()
+        waiting = [(each, np.eye(4)) for each in reversed(roots)]
         while waiting:
             named, outer = waiting.pop()
             node = self.document.item("nodes", named)
@@ -176,6 +175,13 @@ class _Importer:
             self.worlds[named.value] = world
             yield node
             waiting += [(each, world) for each in reversed(list(listed(node, "children")))]
+
+    def _parentless(self) -> list[Located]:
+        """Of a file without scenes, the nodes that are no child of another one."""
+        self.notes.add("the file does not say what it shows: all nodes are shown", "the scene")
+        nodes = listed(self.document.root, "nodes")
+        children = {fields.integer(each, 0, 2**53) for node in nodes for each in listed(mapping(node), "children")}
+        return [child(self.document.root, index, "nodes", index) for index in range(len(nodes)) if index not in children]
 
     def _mesh(self, node: Located, mesh: Located, world: Matrix) -> None:
         skin, copies = optional(node, "skin"), extension(node, "EXT_mesh_gpu_instancing")
