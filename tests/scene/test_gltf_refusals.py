@@ -32,7 +32,7 @@ def refused(folder, file, pattern):
     ("name", "remedy"),
     [
         ("KHR_draco_mesh_compression", "decompress it"),
-        ("EXT_meshopt_compression", "decompress it"),
+        ("EXT_meshopt_compression", "export it without compression"),
         ("KHR_texture_basisu", "convert its images to PNG"),
         ("ACME_unheard", "save it without"),
     ],
@@ -52,7 +52,7 @@ def test_compressed_data_without_another_form_is_refused_and_with_one_read(tmp_p
     file = GltfFile()
     file.material(pbrMetallicRoughness={"baseColorTexture": {"index": 0}})
     file.tree["textures"] = [{"extensions": {"KHR_texture_basisu": {"source": 0}}}]
-    refused(tmp_path, file, r"textures\[0\]: is a KTX2 image, which is not read: convert it to PNG")
+    refused(tmp_path, file, r"textures\[0\]: is a KTX2 image, which is not read: convert its images to PNG")
 
 
 def test_unknown_extensions_that_are_only_used_give_a_note(tmp_path):

@@ -28,6 +28,9 @@ from engines.scene.files import Place
 from engines.schema import fields
 from engines.schema.yaml_file import Located, Origin
 
+DECOMPRESS = "decompress it, such as with gltf-transform's copy command"
+TO_PNG = "convert its images to PNG, such as with gltf-transform's ktxdecompress"
+"""What helps with files that hold Draco or KTX2."""
 MAX_JSON = 16 * 2**20
 """Bytes of JSON without the data URIs in it."""
 MAX_GLTF = 256 * 2**20

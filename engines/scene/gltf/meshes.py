@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 from engines.scene.attributes import Attributes, of_copies
 from engines.scene.context import SceneReader
 from engines.scene.geometry import has_area, unit_rows, with_face_normals
-from engines.scene.gltf.document import Document, extension, integer, listed, mapping, name_of, optional, required
+from engines.scene.gltf.document import DECOMPRESS, Document, extension, integer, listed, mapping, name_of, optional, required
 from engines.scene.gltf.materials import VERTEX_ALPHA, VERTEX_COLOR, Materials
 from engines.scene.gltf.notes import Notes
 from engines.scene.mesh import Mesh, faceted, read_only_mesh
@@ -26,9 +25,11 @@ MAX_COPIED = 4_000_000
 """Triangles of all copies, beyond one for two bytes of the buffers."""
 LEAST_COUNTED = 256
 """Triangles that a primitive, and a copy of it, counts as at least: a small one takes as long as so many."""
+Rows = Callable[[str, int], NDArray[np.float64] | None]
+"""An attribute of the vertices that are used, (n, width), by its name and its width; None where there is none."""
 MAX_WEIGHTS = 8
 """Sets of four joints of a vertex."""
-NO_DRACO = "is compressed with Draco, which is not read: decompress it, such as with gltf-transform's copy command"
+NO_DRACO = f"is compressed with Draco, which is not read: {DECOMPRESS}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,7 +183,7 @@ class Meshes:
         return found.astype(np.int64)
 
     def _looks(
-        self, node: Located, rows: Any, faces: NDArray[np.int32], colors: NDArray[np.float64] | None, name: str
+        self, node: Located, rows: Rows, faces: NDArray[np.int32], colors: NDArray[np.float64] | None, name: str
     ) -> tuple[NDArray[np.int32], NDArray[np.float64] | None, Attributes]:
         """The materials of the faces, and the texture coordinates and attributes that they look at."""
         look = self.materials.look(node, colors is not None, mirrored=False)

@@ -15,6 +15,8 @@ from engines.scene.content import content_hash
 from engines.scene.context import SceneReader
 from engines.scene.files import Place
 from engines.scene.gltf.document import (
+    DECOMPRESS,
+    TO_PNG,
     Document,
     Items,
     child,
@@ -50,10 +52,10 @@ KNOWN = {
 HARMLESS = {"KHR_materials_variants": "its variants are not read: materials are those by default"}
 """Extensions that a file may do without, whatever it says, with a note."""
 REMEDIES = {
-    "KHR_draco_mesh_compression": "decompress it, such as with gltf-transform's copy command",
-    "EXT_meshopt_compression": "decompress it, such as with gltf-transform's copy command",
-    "KHR_meshopt_compression": "decompress it, such as with gltf-transform's copy command",
-    "KHR_texture_basisu": "convert its images to PNG, such as with gltf-transform's ktxdecompress",
+    "KHR_draco_mesh_compression": DECOMPRESS,
+    "EXT_meshopt_compression": "export it without compression",
+    "KHR_meshopt_compression": "export it without compression",
+    "KHR_texture_basisu": TO_PNG,
     "KHR_materials_pbrSpecularGlossiness": "convert its materials, such as with gltf-transform's metalrough",
 }
 """What helps where a file cannot do without an extension that is not read."""

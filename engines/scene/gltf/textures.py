@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from engines.image import MAX_PIXELS
 from engines.scene.geometry import read_only
-from engines.scene.gltf.document import Document, extension, integer, mapping, number, numbers, optional, required
+from engines.scene.gltf.document import TO_PNG, Document, extension, integer, mapping, number, numbers, optional, required
 from engines.scene.gltf.notes import Notes
 from engines.scene.textures import IDENTITY, Images, ImageTexture, UVMatrix
 from engines.scene.triple import Triple
@@ -23,7 +23,7 @@ WRAPS = {10497: "repeat", 33648: "mirror", 33071: "clamp"}
 NEAREST = 9728
 PIXELS_PER_BYTE = 32
 """Of image files together, those that materials have changed included, beyond `MAX_PIXELS`."""
-NO_KTX = "is a KTX2 image, which is not read: convert it to PNG, such as with gltf-transform's ktxdecompress"
+NO_KTX = f"is a KTX2 image, which is not read: {TO_PNG}"
 
 Pixels = NDArray[np.float32]
 
