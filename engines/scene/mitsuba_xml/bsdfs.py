@@ -314,7 +314,7 @@ REFUSED = {
     "measured_polarized": "measured BSDFs are not supported: use roughconductor or principled",
     "hair": "the scattering of hair is not supported: use roughconductor or principled",
     "pplastic": "polarisation is not supported: use plastic or roughplastic",
-    "polarizer": "polarisation is not supported: use null, in a mask that is half opaque",
+    "polarizer": "polarisation is not supported: use mask, of opacity 0.5, of a black diffuse",
     "retarder": "polarisation is not supported: use null",
-    "circular": "polarisation is not supported: use null, in a mask that is half opaque",
+    "circular": "polarisation is not supported: use mask, of opacity 0.5, of a black diffuse",
 }
