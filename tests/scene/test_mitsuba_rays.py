@@ -185,3 +185,8 @@ def test_a_binary_ply_file_may_mix_polygons(tmp_path):
     (tmp_path / "m.ply").write_bytes(head.encode() + corners + faces)
     found = scene(tmp_path, '<shape type="ply"><string name="filename" value="m.ply"/></shape>')
     assert found.shapes[0].faces.tolist() == [[0, 1, 2], [0, 1, 2], [0, 2, 3]]
+
+
+def test_a_mask_over_nothing_lets_the_share_of_its_surface_be_seen(tmp_path):
+    body = '<bsdf type="mask"><float name="opacity" value="0.25"/><bsdf type="diffuse"/></bsdf>'
+    assert radiance(tmp_path, PANE.format(body) + SUN) == pytest.approx([0.125] * 3)
