@@ -24,7 +24,7 @@ def allow_here(allow_imports: bool, folder: Path | None = None) -> None:
 
 
 def worker_environment(allow_imports: bool, code: Path | None = None) -> dict[str, str]:
-    """The environment of workers: this checkout's packages first, no hidden threads, vectors of the full width.
+    """The environment of workers: this checkout's packages first, no hidden threads.
 
     With `allow_imports` modules are found where this process finds them, and before that in the folder `code`.
     """
@@ -32,8 +32,6 @@ def worker_environment(allow_imports: bool, code: Path | None = None) -> dict[st
 
     more = [*([str(code.absolute())] if code else []), *users_folders(), os.getcwd()] if allow_imports else []
     changes: dict[str, str] = dict.fromkeys(THREAD_POOLS, "1")
-    # With the generic processor model and the host's features Numba's vectors are 512 bits wide where they can be.
-    changes["NUMBA_CPU_NAME"] = os.environ.get("NUMBA_CPU_NAME", "")
     return {**os.environ, **changes, "PYTHONPATH": python_path(more)}
 
 

@@ -14,7 +14,7 @@ import engines
 from engines import Settings
 from engines.light_cells import STEPS as PROBABILITY_STEPS
 from engines.light_cells import alias_tables
-from engines.numpy_reference.direct_light import STEPS, resample_light, sample_light
+from engines.numpy_reference.direct_light import EVEN, STEPS, resample_light, sample_light
 from engines.scene import (
     Cylinder,
     Dielectric,
@@ -147,6 +147,7 @@ def test_resampled_light_has_the_mean_of_its_candidates(opaque):
         largest = (found.light.weight * found.scale).max(initial=0.0)
         assert np.abs(seen - mean).max() <= 2 * count * largest / steps
         assert (found.scale > 0.0).any() == (mean > 0.0).any()
+        assert (found.scale <= found.inverse_pmf / EVEN * (1 + 1e-9)).all()
 
 
 def vertices(n):

@@ -1,8 +1,8 @@
 """The light sample at a vertex: one of one light, or one of several candidates (resampled importance sampling).
 
-Resampling (Talbot, Cline and Egbert 2005) draws M candidates from the light sampler's density, picks one in proportion to
-its light without shadows and BSDF, and scales it so that the expectation is that of one candidate; docs/transport.md has
-the proof.
+Resampling (Talbot, Cline and Egbert 2005) draws M candidates from the light sampler's density, picks one much in proportion
+to what it adds to a diffuse surface without shadows, and scales it so that the expectation is that of one candidate;
+docs/transport.md has the proof.
 """
 
 from __future__ import annotations
@@ -20,6 +20,8 @@ STEPS = (12664746, 9560334)
 """How far candidate k + 1 lies from candidate k in (u0, u1), in units of 2^-24: 1/g and 1/g^2 with g^3 = g + 1, the additive
 sequence of Roberts (2018)."""
 LUMINANCE = np.array([[0.212671], [0.715160], [0.072169]])
+EVEN = 0.1
+"""Share of the picks that do not depend on the targets."""
 _BELOW_ONE = 1.0 - 2.0**-53
 
 
@@ -61,6 +63,7 @@ def resample_light(
         for k in range(count)
     ]
     targets = np.array([_target(context, at, candidate) for candidate in candidates])
+    targets = np.where(targets > 0.0, targets + EVEN / (1.0 - EVEN) * targets.mean(axis=0), 0.0)
     ends = np.cumsum(targets, axis=0)
     begins = np.vstack([np.zeros(u.size), ends[:-1]])
     eligible = (targets > 0.0) & (begins <= pick * ends[-1])
@@ -82,11 +85,15 @@ def _shifted(u: Array, steps: int) -> Array:
 
 
 def _target(context: Context, at: SurfaceInteraction, candidate: SampledLight) -> Array:
-    """(n,) luminance of Li |n . wi| over the density of the candidate: 0 where nothing of it is reflected or transmitted."""
+    """(n,) luminance of Li |n . wi| over the density of the candidate, times its weight beside samples of a diffuse BSDF: 0
+    where nothing of it is reflected or transmitted."""
     light = candidate.light
     reached = (light.weight > 0.0).any(axis=0)
     if not context.lit_through:
         reached &= dot(at.geometric, light.wi) > 0.0
-    with np.errstate(invalid="ignore", over="ignore"):
-        target = (LUMINANCE * light.weight).sum(axis=0) * np.abs(dot(at.normal, light.wi)) * candidate.inverse_pmf
+    cosine = np.abs(dot(at.normal, light.wi))
+    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+        target = (LUMINANCE * light.weight).sum(axis=0) * cosine * candidate.inverse_pmf
+        if context.options["direct"] == "mis":
+            target *= 1.0 / (1.0 + (cosine / np.pi * candidate.inverse_pmf / light.pdf) ** 2)
     return np.where(reached, target, 0.0)

@@ -22,8 +22,8 @@ DEFAULT_RESOLUTION = (256, 256)
 LARGEST_SIDE = 65_536
 PARALLEL = 1e-9
 """Sine of the angle between `up` and the view below which they count as parallel."""
-MOST_SHIFT = 1000.0
-"""Image widths by which the axis of view may miss the middle of the image."""
+MOST_SHIFT = 65_536.0
+"""Image widths by which the axis of view may miss the middle of the image: it may be one pixel of the largest film."""
 BYTES_PER_PIXEL = 200
 """Sums, squares, halves and counts of a film, and a mean and a bitmap made from it."""
 

@@ -18,7 +18,7 @@ from engines.input_files import open_regular, unreadable
 from engines.scene.cameras import Perspective
 from engines.scene.mitsuba_xml.document import Document, Element
 from engines.scene.mitsuba_xml.properties import plugin_tree, snake_case
-from engines.scene.mitsuba_xml.sensors import DEFAULT_SIZE, film_size
+from engines.scene.mitsuba_xml.sensors import Film, film_of
 from engines.scene.scene import Scene
 
 CHUNK = 1 << 20
@@ -32,7 +32,7 @@ class Native:
     """A file in Mitsuba's own format. `refusal` says why raybench cannot import it, None where it can.
 
     `xml` are the paths of all XML files, the included ones too, `named` those of the files that they name: the only ones that
-    Mitsuba may read. `parameters` are values of `$name` from outside, `size` is the film's width and height. `digest` is a
+    Mitsuba may read. `parameters` are values of `$name` from outside, `film` is that of the first sensor. `digest` is a
     hash of the elements as they stand in the files, of the parameters and of the files that are named.
     """
 
@@ -41,7 +41,7 @@ class Native:
     xml: frozenset[Path]
     named: frozenset[Path]
     digest: str
-    size: tuple[int, int]
+    film: Film
     refusal: str | None = None
 
 
@@ -67,7 +67,7 @@ def native(document: Document, refusal: str | None = None) -> Native:
         frozenset(document.files),
         frozenset(named),
         hashed.hexdigest(),
-        _size(sensors[0]),
+        _film(sensors[0]),
         refusal,
     )
 
@@ -90,7 +90,7 @@ def with_file(document: Document, imported: Callable[[], Scene], natively: bool)
 
 
 def _unimported(document: Document, found: Native) -> Scene:
-    camera = Perspective((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 1.0, 0.0), 40.0, "y", found.size)
+    camera = Perspective((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 1.0, 0.0), 40.0, "y", found.film.size)
     warnings = (f"only engines that take Mitsuba's files as they are render it: {found.refusal}",)
     name, source, shader = document.file.stem, str(document.file), _integrator(document.root)
     return Scene(name, camera, (), (), (), found.digest, source, warnings, shader, found)
@@ -142,10 +142,10 @@ def _hash_of(file: Path, element: Element) -> bytes:
     return hashed.digest()
 
 
-def _size(sensor: Element) -> tuple[int, int]:
+def _film(sensor: Element) -> Film:
     """Of what else stands in a film Mitsuba is the judge."""
     film = next((child for child in sensor.children if child.tag == "film"), None)
     if film is None:
-        return DEFAULT_SIZE
+        return Film()
     sides = {snake_case(child.attributes.get("name", "")): child for child in film.children if child.tag == "integer"}
-    return film_size(plugin_tree(replace(film, children=list(sides.values())), {}))
+    return film_of(plugin_tree(replace(film, children=list(sides.values())), {}))

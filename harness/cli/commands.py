@@ -394,9 +394,6 @@ def list_(
 
 def main() -> None:
     """Runs the command line; an error that the user caused is one message and exit code 2."""
-    # With the generic processor model and the host's features Numba's vectors are 512 bits wide where they can be; it
-    # is part of the key of its cache, so every process of ours says the same.
-    os.environ.setdefault("NUMBA_CPU_NAME", "")
     warnings.formatwarning = lambda message, *_, **__: f"raybench: warning: {message}\n"
     try:
         app()

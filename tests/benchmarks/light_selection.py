@@ -4,6 +4,9 @@ not; and how many samples the lamps that it sees need by themselves: `python -m 
 Processor seconds of `render` of one thread, tables included; samples from which on the error is below the target are
 interpolated. Ratios to even choice with the same seed, which takes turns with the others, as geometric means with 95 %
 intervals of Student's t for the logarithms.
+
+With names of scenes in place of the rounds: the variance of a sample with four candidates over that with one, each relative
+to the square of the pixel's mean, as the mean over pixels without the largest hundredth.
 """
 
 from __future__ import annotations
@@ -32,11 +35,11 @@ WAYS: dict[str, dict[str, Any]] = {
 }
 
 
-def renderer(seed: int, **options: Any) -> Any:
+def renderer(seed: int, scene: str = "many_lights", sampler: str = "sobol", **options: Any) -> Any:
     """One that is ready to render."""
     shader = {"name": "path_tracer", "max_depth": 6, **options}
-    settings = Settings(192, 128, shader=shader, sampler="sobol", seed=seed, threads=1, precision="float32")
-    made = engines.engine("numba").prepare(engines.load_scene(paths.find("scenes", "many_lights")), settings)
+    settings = Settings(192, 128, shader=shader, sampler=sampler, seed=seed, threads=1, precision="float32")
+    made = engines.engine("numba").prepare(engines.load_scene(paths.find("scenes", scene)), settings)
     made.warm_up()
     return made
 
@@ -56,7 +59,21 @@ def reached(seed: int, reference: Any, whole: Any, **options: Any) -> tuple[floa
         before = spp, seconds, error
 
 
+def relative_variance(scene: str, candidates: int, parts: int = 24, spp: int = 8) -> float:
+    """Of one sample of independent numbers, from films of `spp` samples."""
+    made = renderer(3, scene, "random", light_candidates=candidates)
+    means = np.diff([made.render(spp).mean() * (part + 1) for part in range(parts)], axis=0, prepend=0.0)
+    mean = means.mean(axis=0).mean(axis=2, keepdims=True)
+    relative = (spp * means.var(axis=0, ddof=1) / (mean**2 + 1e-3 * mean.mean() ** 2)).mean(axis=2)
+    return float(np.mean(np.sort(relative, axis=None)[: relative.size * 99 // 100]))
+
+
 def main() -> None:
+    if sys.argv[1:] and not sys.argv[1].isdigit():
+        for scene in sys.argv[1:]:
+            one, four = (relative_variance(scene, candidates) for candidates in (1, 4))
+            print(f"{scene:14} {one:.3f} {four:.3f}, ratio {four / one:.3f}")
+        return
     rounds = int(sys.argv[1]) if len(sys.argv) > 1 else 7
     for hidden in (False, True):
         view = {"hide_emitters": hidden}

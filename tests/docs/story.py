@@ -124,5 +124,5 @@ def environment(folder: Path) -> dict[str, str]:
         (tools / name).chmod(0o755)
     path = os.pathsep.join([str(tools), os.environ.get("PATH", "")])
     python_path = os.pathsep.join([str(folder), str(ROOT)])
-    plain = {"MPLBACKEND": "Agg", "COLUMNS": "160", "NO_COLOR": "1", "NUMBA_CPU_NAME": ""}
+    plain = {"MPLBACKEND": "Agg", "COLUMNS": "160", "NO_COLOR": "1"}
     return {**os.environ, **plain, "PATH": path, "PYTHONPATH": python_path}

@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -81,3 +82,14 @@ def test_stages_are_vector_code():
 def test_a_stage_that_is_unrolled_too_early_is_noticed():
     packed, scalar = multiplications(["draw"], unrolls_early=True)["draw"]
     assert not is_vector_code(packed, scalar, STAGES["draw"])
+
+
+def test_vectors_have_the_full_width_of_the_processor_whatever_llvm_prefers_for_it():
+    program = (
+        "from engines.kernels.compile import jit; from numba.core.registry import cpu_target;"
+        "print(cpu_target.target_context.codegen().magic_tuple()[1] or 'generic')"
+    )
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_CPU")}
+    run = partial(subprocess.run, [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert run(env=environment).stdout.split() == ["generic"]
+    assert run(env={**environment, "NUMBA_CPU_NAME": "skylake"}).stdout.split() == ["skylake"]

@@ -36,17 +36,23 @@ def variant():
         mi.set_variant(before)
 
 
+CROP = {"crop_offset_x": 18, "crop_offset_y": 3, "crop_width": 7, "crop_height": 11}
+CROP_XML = "".join(f'<integer name="{name}" value="{side}"/>' for name, side in CROP.items())
+CROPPED = FILM.replace("</film>", f"{CROP_XML}</film>")
+
+
+@pytest.mark.parametrize(("film", "width", "height"), [(FILM, 30, 20), (CROPPED, 7, 11)], ids=["whole", "cropped"])
 @pytest.mark.parametrize("name", [*SENSORS, "perspective mirrored"])
-def test_camera_rays(tmp_path, name):
+def test_camera_rays(tmp_path, name, film, width, height):
     more = SENSORS.get(name)
     place = MIRRORED if more is None else PLACE.format("to_world")
-    xml = f'<sensor type="{name.split()[0]}">{place}{more or ""}{FILM}</sensor>'
+    xml = f'<sensor type="{name.split()[0]}">{place}{more or ""}{film}</sensor>'
     camera = scene(tmp_path, f'<shape type="sphere"/>{LAMP}', sensor=xml).camera
     sensor = mi.load_string(xml.replace("<sensor", '<sensor version="3.0.0"', 1))
-    x, y = np.array([[3.0, 29.5, 15.0], [1.0, 0.5, 19.0]])
-    origins, directions = camera_rays(camera, x, y, 30, 20)
+    x, y = np.array([[0.1, 0.98, 0.5], [0.05, 0.025, 0.95]]) * [[width], [height]]
+    origins, directions = camera_rays(camera, x, y, width, height)
     for i in range(3):
-        ray, _ = sensor.sample_ray(0.0, 0.0, mi.Point2f(x[i] / 30, y[i] / 20), mi.Point2f(0.5, 0.5))
+        ray, _ = sensor.sample_ray(0.0, 0.0, mi.Point2f(x[i] / width, y[i] / height), mi.Point2f(0.5, 0.5))
         assert directions[:, i] == pytest.approx(np.array(ray.d), abs=2e-6)
         # Mitsuba's rays begin at the near plane
         offset = np.array(ray.o) - origins[:, i]

@@ -112,6 +112,20 @@ def test_the_image_is_the_one_that_mitsuba_renders_of_the_file(tmp_path):
     assert film.sums.max() > 0.0 and np.allclose(film.sums, theirs, rtol=1e-5)
 
 
+def test_a_crop_has_the_size_that_it_has_in_the_file_alone(tmp_path):
+    crop = {"crop_offset_x": 2, "crop_width": 7, "crop_offset_y": 3, "crop_height": 5}
+    sides = "".join(f'<integer name="{name}" value="{side}"/>' for name, side in crop.items())
+    file = fog(tmp_path, text=FOG.replace("<rfilter", f"{sides}<rfilter"), filter="box", sampler="independent")
+    scene = engines.load_scene(file, natively=True)
+    assert scene.camera.resolution == (7, 5)
+    film = ScalarEngine().prepare(scene, Settings(shader=VOLPATH, sampler="random", seed=5)).render(1)
+    mi.set_variant("scalar_rgb")
+    integrator = mi.load_dict({"type": "volpath", "max_depth": 6, "block_size": 16})
+    theirs = np.array(mi.render(mi.load_file(str(file)), integrator=integrator, seed=seed_of(5, 0), spp=1))[..., :3]
+    assert theirs.shape == (5, 7, 3) and film.sums.max() > 0.0 and np.allclose(film.sums, theirs, rtol=1e-5)
+    assert "7 x 5 pixels only" in str(ScalarEngine().why_not(scene, Settings(14, 10, sampler="random")))
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
@@ -119,7 +133,7 @@ def test_the_image_is_the_one_that_mitsuba_renders_of_the_file(tmp_path):
         ({"floor": "nosuch.ply"}, "no such file"),
         ({"filter": "box", "text": FOG.replace('bsdf type="diffuse"', 'bsdf type="../evil"')}, "plugin"),
         ({"text": FOG.replace('<float name="fov"', '<string name="odd" value="/etc/passwd"/><float name="fov"')}, "path"),
-        ({"text": FOG.replace("<rfilter", '<integer name="crop_width" value="4"/><rfilter')}, "crop"),
+        ({"text": FOG.replace("<rfilter", '<integer name="crop_width" value="14"/><rfilter')}, "crop"),
         ({"text": FOG.replace("<scene", "<!DOCTYPE x [<!ENTITY a 'b'>]><scene")}, "document type"),
     ],
 )

@@ -29,7 +29,7 @@ from engines.scene import (
     ThinLens,
 )
 from engines.scene.metals import METALS
-from tests.scene.mitsuba_files import LAMP, bsdf, light, scene
+from tests.scene.mitsuba_files import LAMP, bsdf, light, refusal, scene
 
 WHITE = (1.0, 1.0, 1.0)
 GREY = (0.5, 0.5, 0.5)
@@ -198,6 +198,22 @@ def test_old_names_are_the_same_properties(tmp_path):
 def test_colours(tmp_path, xml, wanted):
     found = bsdf(tmp_path, f'<bsdf type="diffuse">{xml}</bsdf>')
     assert found.front.reflectance == pytest.approx(wanted, rel=2e-4)
+
+
+def test_a_spectrum_may_stand_in_a_file(tmp_path):
+    """It is looked for where other files are, and in the `path` folders of the file that names it, as by Mitsuba 3.9.1."""
+    (tmp_path / "sub").mkdir()
+    xml = '<bsdf type="diffuse" id="b"><spectrum name="reflectance" {}/></bsdf>'
+    inline = bsdf(tmp_path, '<ref id="b"/>', extra=xml.format('value="400:0.1, 500:0.2, 600:0.3, 700:0.1"'))
+    (tmp_path / "s.spd").write_text("# nm\n400 0.1\n500\t0.2 # blue\n\n600 0.3\r\n700 0.1", encoding="ascii")
+    of_file = xml.format('filename="s.spd"')
+    assert bsdf(tmp_path, '<ref id="b"/>', extra=of_file) == inline
+    (tmp_path / "s.spd").rename(tmp_path / "sub" / "s.spd")
+    (tmp_path / "sub" / "i.xml").write_text(f'<scene version="3.0.0"><path value="."/>{of_file}</scene>', encoding="ascii")
+    assert bsdf(tmp_path, '<ref id="b"/>', extra='<path value="sub"/><include filename="i.xml"/>') == inline
+    (tmp_path / "sub" / "s.spd").write_text("400 0.1\n400 0.2", encoding="ascii")
+    message = refusal(tmp_path / "sub", f'{of_file}<shape type="sphere"><ref id="b"/></shape>')
+    assert '<spectrum name="reflectance"> = "400:0.1, 400:0.2": must be pairs wavelength:value' in message
 
 
 def test_a_flat_spectrum_of_light_is_that_of_equal_energy(tmp_path):

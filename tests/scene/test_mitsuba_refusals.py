@@ -1,8 +1,11 @@
 """Mitsuba files that are refused: in one line that says where, what was found and what is expected, and quickly."""
 
+import re
+
 import pytest
 
 import engines
+from engines.scene.mitsuba_xml import bsdfs, emitters, sensors, shapes, textures
 from tests.scene.mitsuba_files import LAMP, SENSOR, refusal, scene, written
 
 BALL = '<shape type="sphere">{}</shape>'
@@ -124,7 +127,16 @@ def test_what_has_no_counterpart_or_is_wrong_is_refused_with_its_line(tmp_path, 
 SENSORS = {
     "none": ("", "no sensor"),
     "unknown": ('<sensor type="fisheye"/>', "perspective"),
-    "crop": (SENSOR.replace('value="8"/>', 'value="8"/><integer name="crop_width" value="4"/>'), "crop"),
+    "crop": (
+        SENSOR.replace('value="8"/>', 'value="8"/><integer name="crop_offset_x" value="1"/>'),
+        "crop_offset_x + crop_width = 9: must be at most width, 8",
+    ),
+    "empty crop": (SENSOR.replace('value="8"/>', 'value="8"/><integer name="crop_width" value="0"/>'), "[1, 8]"),
+    "spectral film": ('<sensor type="perspective"><film type="specfilm"/></sensor>', "use hdrfilm"),
+    "shifted": (
+        '<sensor type="perspective"><float name="principal_point_offset_x" value="1e6"/></sensor>',
+        "misses the image by more than 65,536 of its sides",
+    ),
     "scaled": (
         '<sensor type="perspective"><transform name="to_world"><scale value="2"/></transform></sensor>',
         "must not scale",
@@ -171,6 +183,33 @@ def test_malformed_files_are_refused_in_a_line(tmp_path, name):
         engines.load_scene(file)
     message = str(caught.value)
     assert "s.xml" in message and "\n" not in message and len(message) < 1000
+
+
+@pytest.mark.parametrize(
+    ("kind", "plugins"), [("shape", shapes), ("bsdf", bsdfs), ("emitter", emitters), ("sensor", sensors), ("texture", textures)]
+)
+def test_plugins_that_are_refused_have_something_in_their_place(kind, plugins, tmp_path):
+    for name, why in plugins.REFUSED.items():
+        assert re.search(r": (use|leave|bake|export|put) ", f": {why}"), name
+        if kind in ("shape", "emitter"):
+            message = refusal(tmp_path, f'<{kind} type="{name}"/>{LAMP}')
+            assert message.startswith(f'{tmp_path / "s.xml"}:2 <{kind} type="{name}">: ') and message.endswith(why)
+
+
+@pytest.mark.parametrize(
+    ("xml", "said"),
+    [
+        ('<texture type="volume" name="reflectance"><volume type="gridvolume" name="volume"/></texture>', "use constvolume"),
+        ('<texture type="volume" name="reflectance"><volume type="constvolume"/></texture>', "of the name 'volume'"),
+        (
+            '<texture type="volume" name="reflectance"><volume type="constvolume" name="volume">'
+            '<texture type="checkerboard" name="value"/></volume></texture>',
+            "a colour is expected",
+        ),
+    ],
+)
+def test_volumes_that_vary_are_refused(xml, said, tmp_path):
+    assert said in refusal(tmp_path, shape_with(f'<bsdf type="diffuse">{xml}</bsdf>'))
 
 
 def test_parameters_do_not_grow_without_bound(tmp_path):

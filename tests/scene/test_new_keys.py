@@ -50,7 +50,7 @@ CAMERAS = [
     ({"clip": [-1, 1]}, "camera.clip: must be two distances"),
     ({"clip": 3}, "camera.clip = 3: must be [near, far]"),
     ({"clip": [math.nan, 1]}, "camera.clip[0] = nan: must be finite"),
-    ({"principal_point": [0, 2000]}, "camera.principal_point[1] = 2000: must lie in [-1000, 1000]"),
+    ({"principal_point": [0, 70000]}, "camera.principal_point[1] = 70000: must lie in [-65536, 65536]"),
     ({"type": "thin_lens", "focus_distance": 0, "aperture_radius": 1}, "focus_distance = 0: must be greater than 0"),
     ({"type": "perspective_arctan", "mirror": True}, "camera.mirror: unknown key"),
 ]

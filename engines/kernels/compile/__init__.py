@@ -4,6 +4,7 @@ in kernels."""
 from __future__ import annotations
 
 import numba
+from numba import config
 
 from engines.errors import Unsupported
 from engines.packages import install
@@ -39,3 +40,8 @@ def _check_numba() -> None:
 
 
 _check_numba()
+
+# For some processors with 512-bit vectors LLVM prefers half of them. It uses all for a generic processor that has the same
+# features. Numba reads this once, before it compiles anything, and for all code of the process.
+if config.CPU_NAME is None:
+    config.CPU_NAME = ""

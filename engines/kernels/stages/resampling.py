@@ -1,19 +1,23 @@
-"""Of several candidates for a lane's light sample one is picked, in proportion to its light without shadows and BSDF:
-resampled importance sampling (docs/transport.md). All loops over lanes are vector code."""
+"""Of several candidates for a lane's light sample one is picked, much in proportion to what it adds to a diffuse surface
+without shadows: resampled importance sampling (docs/transport.md). All loops over lanes are vector code."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import select
-from engines.kernels.integrators.path_tracer import BSDF_ONLY, DIRECT_OPTION
-from engines.kernels.lane.sampling import is_delta
+from engines.kernels.integrators.path_tracer import BSDF_ONLY, DIRECT_OPTION, MIS
+from engines.kernels.lane.sampling import is_delta, power_heuristic
 from engines.kernels.lane.vector import Vec3, dot
 from engines.kernels.layout import LANES, LIGHT, ROULETTE
 
 STEPS = (12664746, 9560334)
 """How far candidate k + 1 lies from candidate k in the numbers that place it on its light, in units of 2^-24."""
+EVEN = 0.1
+"""Share of the picks that do not depend on the targets."""
 PICK = ROULETTE
 """The draw that picks, which roulette reads as well."""
 
@@ -52,24 +56,38 @@ def draw_candidates(rays, count, real):
 def store_targets(rays, scene, candidate, real):
     """The target of the light sample that the batch holds, which is that of the same candidate in every lane."""
     zero, through = real(0), scene.lit_through != 0
-    delta_only = scene.options[DIRECT_OPTION] == BSDF_ONLY
+    delta_only, mis = scene.options[DIRECT_OPTION] == BSDF_ONLY, scene.options[DIRECT_OPTION] == MIS
     for lane in range(np.uint64(LANES)):
         wi, li, pdf = rays.light_sample.wi[lane], rays.light_sample.radiance[lane], rays.light_sample.pdf[lane]
         luminance = 0.212671 * li.x + 0.715160 * li.y + 0.072169 * li.z
+        cosine = abs(dot(rays.hit.normal[lane], wi))
+        weight = select(mis, power_heuristic(pdf, cosine * (1.0 / math.pi)), 1.0)
         reaches = (pdf > zero) & (through | (dot(rays.hit.geometric_normal[lane], wi) > zero))
         reaches = reaches & ((not delta_only) | is_delta(pdf))
-        rays.targets[candidate, lane] = select(reaches, luminance * abs(dot(rays.hit.normal[lane], wi)), zero)
+        rays.targets[candidate, lane] = select(reaches, luminance * cosine * weight, zero)
+
+
+@inline
+def _add_targets(rays, count, real):
+    for lane in range(np.uint64(LANES)):
+        rays.target_sum[lane] = real(0)
+    for k in range(count):
+        for lane in range(np.uint64(LANES)):
+            rays.target_sum[lane] = rays.target_sum[lane] + rays.targets[k, lane]
 
 
 @inline
 def pick(rays, count, real):
-    """Each lane turns to a candidate: the last with a target that begins at or below a random share of their sum."""
+    """Each lane turns to a candidate: the last with a target that begins at or below a random share of their sum. Before that
+    every target that is not 0 takes a share of the mean."""
     zero = real(0)
-    for lane in range(np.uint64(LANES)):
-        rays.target_sum[lane] = zero
+    _add_targets(rays, count, real)
+    share = real(EVEN / (1.0 - EVEN)) / real(count)
     for k in range(count):
         for lane in range(np.uint64(LANES)):
-            rays.target_sum[lane] = rays.target_sum[lane] + rays.targets[k, lane]
+            target = rays.targets[k, lane]
+            rays.targets[k, lane] = select(target > zero, target + share * rays.target_sum[lane], zero)
+    _add_targets(rays, count, real)
     for lane in range(np.uint64(LANES)):
         rays.candidate[lane] = 0
         rays.target[lane] = zero

@@ -14,7 +14,7 @@ from engines.peers.mitsuba import blends, library, plugins
 from engines.peers.mitsuba.albedo import albedo_lacks
 from engines.peers.mitsuba.bsdfs import bsdf_node
 from engines.peers.mitsuba.description import scene_lacks
-from engines.peers.mitsuba.native import file_lacks, require_plugin
+from engines.peers.mitsuba.native import file_lacks, require_plugin, size_lacks
 from engines.peers.mitsuba.nodes import Placing
 from engines.peers.mitsuba.patterns import LARGEST, USUAL, full_pattern
 from engines.peers.mitsuba.scalar import renders_images
@@ -116,7 +116,8 @@ class Engine:
         if reason is None and chosen.shader.name == "mitsuba":
             reason = self._integrator_lacks(chosen, own)
         if reason is None and scene.native is not None:
-            reason = file_lacks(scene, self.variant, own) if own else file_lacks(scene)
+            reason = size_lacks(scene.native, chosen.size(scene))
+            reason = reason or (file_lacks(scene, self.variant, own) if own else file_lacks(scene))
         if reason is not None:
             raise Unsupported(reason)
         return chosen

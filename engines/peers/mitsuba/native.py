@@ -51,15 +51,21 @@ def _instantiated(mi: Any, held: Native, size: tuple[int, int], sampler: Node, r
         mi.set_file_resolver(before)  # else a folder `plugins` beside the scene would be one of Mitsuba's
     for path in state.files:
         _same(Path(str(path)), held.xml)
-    _replace_sensor(mi, state, size, sampler)
+    _replace_sensor(mi, state, _film(held, size), sampler)
     state.root.props["embree_use_robust_intersections"] = robust
     _place_files(held, state, mi.parser.ParserState(state), looking)
     mi.parser.transform_all(config, state)
     return mi.parser.instantiate(config, state)
 
 
-def _replace_sensor(mi: Any, state: Any, size: tuple[int, int], sampler: Node) -> None:
-    """Takes the integrators and all sensors but the first from the scene, and gives that one a film and a sampler of ours."""
+def _film(held: Native, size: tuple[int, int]) -> Node:
+    """The properties of a film whose image has this size: the crop of the file's, where it has that one's."""
+    sides = {"width": size[0], "height": size[1]}
+    return {**(held.film._asdict() if size == held.film.size else sides), **_FILM}
+
+
+def _replace_sensor(mi: Any, state: Any, film: Node, sampler: Node) -> None:
+    """Takes the integrators and all sensors but the first from the scene, and gives that one a `film` and a sampler of ours."""
     kinds, read = mi.ObjectType, mi.parser.ParserState(state)  # a copy: a property counts as used once it has been read
     children = list(_children(read, 0))
     sensors = [(name, index) for name, index in children if state.nodes[index].type == kinds.Sensor]
@@ -73,12 +79,12 @@ def _replace_sensor(mi: Any, state: Any, size: tuple[int, int], sampler: Node) -
     for name, index in _children(read, first):
         if state.nodes[index].type in (kinds.Film, kinds.Sampler):
             del state.nodes[first].props[name]
-    film = _append(mi, state, kinds.Film, "hdrfilm", {"width": size[0], "height": size[1], **_FILM})
+    made = _append(mi, state, kinds.Film, "hdrfilm", film)
     filtered = _append(mi, state, kinds.ReconstructionFilter, "box", {})
     drawn = _append(mi, state, kinds.Sampler, sampler["type"], {key: sampler[key] for key in sampler if key != "type"})
     reference = mi.Properties.ResolvedReference
-    state.nodes[film].props["raybench_filter"] = reference(filtered)
-    state.nodes[first].props["raybench_film"] = reference(film)
+    state.nodes[made].props["raybench_filter"] = reference(filtered)
+    state.nodes[first].props["raybench_film"] = reference(made)
     state.nodes[first].props["raybench_sampler"] = reference(drawn)
 
 
@@ -127,6 +133,14 @@ def _same(path: Path, known: frozenset[Path]) -> Path:
     if (file := path.resolve()) not in known:
         raise RuntimeError(f"Mitsuba takes {path}, which is none of the files that raybench has found")
     return file
+
+
+def size_lacks(held: Native, size: tuple[int, int]) -> str | None:
+    """Why an image of the file cannot have this size, or None."""
+    if held.film.is_whole or size == held.film.size:
+        return None
+    width, height = held.film.size
+    return f"the film of {held.file.name} is cropped: Mitsuba renders it with {width} x {height} pixels only"
 
 
 _answers: dict[tuple[str, str, tuple[str, ...]], str | None] = {}

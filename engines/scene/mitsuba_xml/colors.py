@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 
+from engines.input_files import open_regular, unreadable
 from engines.scene.mitsuba_xml.document import Element
 from engines.scene.mitsuba_xml.properties import number_of
 from engines.scene.mitsuba_xml.spectra import FLAT_SPECTRUM, rgb_of_black_body, rgb_of_samples
@@ -15,6 +17,8 @@ from engines.scene.triple import Triple, product, triple
 REFLECTANCE, EMISSION, INDEX = "reflectance", "emission", "index"
 """What a colour is for: a share in [0, 1], light, or an index of refraction."""
 MAX_SAMPLES = 10_000
+MAX_BYTES = 2**20
+"""Of a file with a spectrum."""
 HOTTEST = 1e6
 """Kelvin."""
 _HEX = re.compile(r"#([0-9a-fA-F]{6})")
@@ -70,12 +74,26 @@ def _linear(*encoded: float) -> Triple:
 def _spectrum(element: Element, text: str, role: str) -> Triple:
     """One number is a flat spectrum, which is white as a reflectance and a little red as light; three are RGB."""
     if "filename" in element.attributes:
-        raise element.refuse("spectra from files are not read: give rgb")
+        text = _file_text(element)
+        return of_samples(_samples(replace(element, attributes={**element.attributes, "value": text}), text), role)
     if ":" in text:
         return of_samples(_samples(element, text), role)
     if role == EMISSION and len(re.split(r"[,\s]+", text)) == 1:
         return product(_three(element), FLAT_SPECTRUM)
     return _three(element)
+
+
+def _file_text(element: Element) -> str:
+    """`wavelength:value` of each line of the file that an element names; what follows a # is a remark."""
+    try:
+        with open_regular(element.attributes["filename"]) as stream:
+            data = stream.read(MAX_BYTES + 1)
+    except (OSError, ValueError) as problem:
+        raise element.refuse(f"{element.attributes['filename']}: {unreadable(problem)}") from problem
+    if len(data) > MAX_BYTES:
+        raise element.refuse(f"{element.attributes['filename']}: has more than {MAX_BYTES // 2**20} MiB")
+    lines = data.decode("latin-1").splitlines()
+    return ", ".join(":".join(words) for line in lines if (words := line.split("#")[0].split()))
 
 
 def of_samples(samples: np.ndarray, role: str) -> Triple:

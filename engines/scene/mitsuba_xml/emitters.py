@@ -78,7 +78,7 @@ def _spot(importer: Importer, plugin: Plugin) -> SpotLight:
     if beam_width > cutoff:
         raise plugin.refuse_property("beam_width", f"must not exceed cutoff_angle, which is {cutoff:g}")
     if importer.named(plugin, "texture") is not None:
-        raise plugin.refuse("a texture of a spot light is not supported")
+        raise plugin.refuse("images that light projects are not supported: leave the texture out")
     direction = _direction(plugin, triple(matrix[:3, 2]))
     return SpotLight(triple(matrix[:3, 3]), direction, _light_color(importer, plugin, "intensity"), cutoff, beam_width)
 
@@ -134,9 +134,9 @@ EMITTERS: dict[str, Callable[[Importer, Plugin], Light]] = {
     "sun": _sky,
 }
 REFUSED = {
-    "directionalarea": "is not supported",
-    "projector": "is not supported",
-    "collimated": "is not supported",
-    "volumelight": "is not supported",
+    "directionalarea": "light of a surface in one direction is not supported: use directional, or area",
+    "projector": "images that light projects are not supported: use spot without a texture",
+    "collimated": "a single ray of light is not supported: use a narrow spot",
+    "volumelight": "volumes that emit are not supported: use area",
     "timed_sunsky": "a sky that moves is not supported: use sunsky",
 }

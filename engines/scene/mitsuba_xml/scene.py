@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene.cameras import Camera, CustomCamera, PerspectiveArctan
+from engines.scene.cameras import Camera, CustomCamera, Orthographic, Perspective, PerspectiveArctan, ThinLens
 from engines.scene.content import content_hash
 from engines.scene.context import SceneReader
 from engines.scene.lights import EnvironmentLight, Light
@@ -25,7 +26,7 @@ from engines.scene.scene import Scene, check_attributes, scene_warnings
 from engines.scene.shapes import Shape
 
 CLIP_REACH = 4.0
-"""Distance of the corners of the near plane from the eye, in distances of the plane: 1 / cos(75 degrees)."""
+"""Distance of the corners of the near plane from the eye, in distances of the plane, at least: 1 / cos(75 degrees)."""
 
 
 def import_scene(document: Document) -> Scene:
@@ -140,10 +141,20 @@ def _unclipped(seen: Camera, scene_shapes: list[Shape]) -> Camera:
     if (depth + spread).max(initial=0.0) < far:
         far = np.inf
     distance = np.linalg.norm(np.maximum(np.maximum(low - eye, eye - high), 0.0), axis=1)
-    behind_the_plane = (depth - spread > near) | (distance > CLIP_REACH * near) | (depth + spread < 0.0)
+    behind_the_plane = (depth - spread > near) | (distance > _reach(seen) * near) | (depth + spread < 0.0)
     if behind_the_plane.all():
         near = 0.0
     return replace(seen, clip=(near, far))
+
+
+def _reach(seen: Perspective | ThinLens | Orthographic) -> float:
+    """Distance of the farthest corner of the near plane from the eye, in distances of the plane."""
+    if isinstance(seen, Orthographic):
+        return np.inf
+    tangent, aspect = math.tan(math.radians(seen.fov) / 2.0), seen.resolution[0] / seen.resolution[1]
+    half = np.array([tangent, tangent / aspect] if seen.fov_axis == "x" else [tangent * aspect, tangent])
+    corner = half * (1.0 + 2.0 * np.abs(seen.principal_point))
+    return max(CLIP_REACH, math.hypot(1.0, *corner))
 
 
 def _boxes(shape: Shape) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

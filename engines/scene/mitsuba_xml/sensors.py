@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from engines.scene.cameras import LARGEST_SIDE, Camera, Orthographic, Perspective, ThinLens
+from engines.scene.cameras import LARGEST_SIDE, MOST_SHIFT, Camera, Orthographic, Perspective, ThinLens
 from engines.scene.mitsuba_xml.context import Importer
 from engines.scene.mitsuba_xml.properties import Plugin
 from engines.scene.mitsuba_xml.transforms import RIGID, Matrix, similarity
@@ -16,8 +16,6 @@ from engines.scene.triple import triple
 
 NEAR, FAR = 1e-2, 1e4
 """Clipping planes of Mitsuba's cameras where a file gives none."""
-DEFAULT_SIZE = (768, 576)
-"""Of a film that does not say."""
 DIAGONAL = math.hypot(36.0, 24.0)
 """Of 35 mm film, in millimetres: what focal lengths refer to."""
 AXES = ("x", "y", "smaller", "larger", "diagonal")
@@ -43,6 +41,27 @@ HARMLESS_FILM = (
 )
 
 
+class Film(NamedTuple):
+    """The pixels of a whole film, and those of them that are rendered: the crop, with its upper left corner."""
+
+    width: int = 768
+    height: int = 576
+    crop_offset_x: int = 0
+    crop_offset_y: int = 0
+    crop_width: int = width
+    crop_height: int = height
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of the image in pixels."""
+        return self.crop_width, self.crop_height
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether the crop is the whole film."""
+        return self.size == (self.width, self.height)
+
+
 def camera(importer: Importer, plugin: Plugin) -> Camera:
     """The camera of a sensor. Raises `SceneError`."""
     make = SENSORS.get(plugin.type)
@@ -50,39 +69,40 @@ def camera(importer: Importer, plugin: Plugin) -> Camera:
         raise plugin.refuse(REFUSED.get(plugin.type, f"unknown sensor: known: {', '.join(SENSORS)}"))
     for sampler in importer.taken(plugin, "sampler"):
         importer.notes.drop(f"sampler {sampler.type}")
-    size = _film(importer, plugin)
+    film = _film(importer, plugin)
     for medium in importer.taken(plugin, "medium"):
         raise medium.refuse("media are not supported")
-    made = make(importer, plugin, size)
+    made = make(importer, plugin, film)
     plugin.read.update(HARMLESS_SENSOR)
     importer.finish(plugin)
     return made
 
 
-def _film(importer: Importer, plugin: Plugin) -> tuple[int, int]:
+def _film(importer: Importer, plugin: Plugin) -> Film:
     films = importer.taken(plugin, "film")
     if not films:
-        return DEFAULT_SIZE
-    film = films[0]
-    if film.type == "specfilm":
-        raise film.refuse("spectral films are not supported")
-    size = film_size(film)
-    for rfilter in importer.taken(film, "rfilter"):
+        return Film()
+    if films[0].type == "specfilm":
+        raise films[0].refuse("spectral films are not supported: use hdrfilm")
+    film = film_of(films[0])
+    for rfilter in importer.taken(films[0], "rfilter"):
         importer.notes.drop(f"filter {rfilter.type}")
-    importer.notes.drop(f"film {film.type} but its size")
-    film.read.update(HARMLESS_FILM)
-    importer.finish(film)
-    return size
+    importer.notes.drop(f"film {films[0].type} but its size")
+    films[0].read.update(HARMLESS_FILM)
+    importer.finish(films[0])
+    return film
 
 
-def film_size(film: Plugin) -> tuple[int, int]:
-    """Width and height in pixels. Raises `SceneError`, for a film that is cropped, too."""
-    sides = (("width", DEFAULT_SIZE[0]), ("height", DEFAULT_SIZE[1]))
-    width, height = (film.integer(name, default=side, low=1, high=LARGEST_SIDE) for name, side in sides)
-    for name, whole in (("offset_x", 0), ("offset_y", 0), ("width", width), ("height", height)):
-        if film.integer(f"crop_{name}", default=whole, low=0, high=LARGEST_SIDE) != whole:
-            raise film.refuse("a crop of the film is not supported: leave crop_ out")
-    return width, height
+def film_of(plugin: Plugin) -> Film:
+    """The film of a plugin. Raises `SceneError`, for a crop that does not lie within it, too."""
+    whole = [plugin.integer(name, default=Film._field_defaults[name], low=1, high=LARGEST_SIDE) for name in ("width", "height")]
+    starts, sides = [], []
+    for axis, side, most in zip("xy", ("width", "height"), whole, strict=True):
+        starts.append(plugin.integer(f"crop_offset_{axis}", default=0, low=0, high=most - 1))
+        sides.append(plugin.integer(f"crop_{side}", default=most, low=1, high=most))
+        if starts[-1] + sides[-1] > most:
+            raise plugin.refuse(f"crop_offset_{axis} + crop_{side} = {starts[-1] + sides[-1]}: must be at most {side}, {most}")
+    return Film(*whole, *starts, *sides)
 
 
 # ---- frames ----------------------------------------------------------------------------------------------------------
@@ -105,14 +125,25 @@ def _clip(plugin: Plugin) -> tuple[float, float]:
     return near, far
 
 
-def _principal_point(plugin: Plugin) -> tuple[float, float]:
+def _middle(film: Film, x: float = 0.0, y: float = 0.0) -> tuple[float, float]:
+    """Where the axis of view meets the crop, from its middle in shares of its sides; (x, y) is the same of the whole film."""
+    width, height = film.size
+    across = x * (film.width / width) + ((film.width - width) / 2.0 - film.crop_offset_x) / width
+    down = y * (film.height / height) + ((film.height - height) / 2.0 - film.crop_offset_y) / height
+    return across, down
+
+
+def _principal_point(plugin: Plugin, film: Film) -> tuple[float, float]:
     """Mitsuba shifts the film against the axis, we the axis on the film."""
     x, y = (plugin.number(f"principal_point_offset_{axis}", default=0.0) for axis in "xy")
-    return 0.0 - x, 0.0 - y
+    middle = _middle(film, -x, -y)
+    if max(map(abs, middle)) > MOST_SHIFT:
+        raise plugin.refuse(f"the axis of view misses the image by more than {MOST_SHIFT:,.0f} of its sides")
+    return middle
 
 
-def _field_of_view(plugin: Plugin, size: tuple[int, int]) -> tuple[float, str]:
-    """Degrees, and the axis of the film along which they are."""
+def _field_of_view(plugin: Plugin, film: Film) -> tuple[float, str]:
+    """Degrees that the crop takes of those of the whole film, and the axis along which they are."""
     axis = plugin.text("fov_axis", default="x", known=AXES) or "x"
     if plugin.has("fov"):
         if plugin.has("focal_length"):
@@ -122,13 +153,15 @@ def _field_of_view(plugin: Plugin, size: tuple[int, int]) -> tuple[float, str]:
             raise plugin.refuse_property("fov", "must lie in (0, 180) degrees")
     else:
         fov, axis = 2.0 * math.degrees(math.atan(DIAGONAL / 2.0 / _focal_length(plugin))), "diagonal"
-    width, height = size
+    width, height, share = film.width, film.height, 1.0
     if axis == "diagonal":
-        half = math.tan(math.radians(fov) / 2.0) * width / math.hypot(width, height)
-        return 2.0 * math.degrees(math.atan(half)), "x"
+        axis, share = "x", width / math.hypot(width, height)
     if axis in ("smaller", "larger"):
         axis = "y" if (width > height) == (axis == "smaller") else "x"
-    return fov, axis
+    share *= film.crop_width / width if axis == "x" else film.crop_height / height
+    if share == 1.0:
+        return fov, axis
+    return 2.0 * math.degrees(math.atan(math.tan(math.radians(fov) / 2.0) * share)), axis
 
 
 def _focal_length(plugin: Plugin) -> float:
@@ -156,28 +189,28 @@ def _rigid(plugin: Plugin) -> dict[str, Any]:
     return _frame(matrix)
 
 
-def _lens(plugin: Plugin, size: tuple[int, int]) -> dict[str, Any]:
-    fov, axis = _field_of_view(plugin, size)
-    shared = {"fov": fov, "fov_axis": axis, "resolution": size, "clip": _clip(plugin)}
-    return {**_rigid(plugin), **shared, "principal_point": _principal_point(plugin)}
+def _lens(plugin: Plugin, film: Film) -> dict[str, Any]:
+    fov, axis = _field_of_view(plugin, film)
+    shared = {"fov": fov, "fov_axis": axis, "resolution": film.size, "clip": _clip(plugin)}
+    return {**_rigid(plugin), **shared, "principal_point": _principal_point(plugin, film)}
 
 
-def _perspective(importer: Importer, plugin: Plugin, size: tuple[int, int]) -> Camera:
-    return Perspective(**_lens(plugin, size))
+def _perspective(importer: Importer, plugin: Plugin, film: Film) -> Camera:
+    return Perspective(**_lens(plugin, film))
 
 
-def _thin_lens(importer: Importer, plugin: Plugin, size: tuple[int, int]) -> Camera:
+def _thin_lens(importer: Importer, plugin: Plugin, film: Film) -> Camera:
     for name in ("aperture_radius", "focus_distance"):
         if not plugin.has(name):
             raise plugin.refuse(f"the property '{name}' is missing")
     radius = plugin.number("aperture_radius", default=0.0, low=0.0)
-    lens, focus = _lens(plugin, size), plugin.positive("focus_distance", default=1.0)
+    lens, focus = _lens(plugin, film), plugin.positive("focus_distance", default=1.0)
     if radius == 0.0:
         return Perspective(**lens)
     return ThinLens(**lens, aperture_radius=radius, focus_distance=focus)
 
 
-def _orthographic(importer: Importer, plugin: Plugin, size: tuple[int, int]) -> Camera:
+def _orthographic(importer: Importer, plugin: Plugin, film: Film) -> Camera:
     """The window is two wide, and its pixels are square, before `to_world`, whose scale along x and y it takes. The scale along
     z moves the near plane; between the planes lie `far_clip` - `near_clip` metres, whatever the scale."""
     matrix = plugin.transform()
@@ -185,21 +218,28 @@ def _orthographic(importer: Importer, plugin: Plugin, size: tuple[int, int]) -> 
     if min(x, y, z) <= 0.0 or similarity(matrix[:3, :3] / [x, y, z]) is None:
         raise plugin.refuse("to_world of a sensor must not shear, or flatten")
     near, far = _clip(plugin)
-    height = None if abs(x / y - 1.0) <= RIGID else 2.0 * y * size[1] / size[0]
-    return Orthographic(**_frame(matrix), height=height, resolution=size, clip=(near * z, near * z + far - near), width=2.0 * x)
+    width, height = (2.0 * side * crop / film.width for side, crop in zip((x, y), film.size, strict=True))
+    return Orthographic(
+        **_frame(matrix),
+        height=None if abs(x / y - 1.0) <= RIGID else height,
+        resolution=film.size,
+        principal_point=_middle(film),
+        clip=(near * z, near * z + far - near),
+        width=width,
+    )
 
 
-SENSORS: dict[str, Callable[[Importer, Plugin, tuple[int, int]], Camera]] = {
+SENSORS: dict[str, Callable[[Importer, Plugin, Film], Camera]] = {
     "perspective": _perspective,
     "thinlens": _thin_lens,
     "orthographic": _orthographic,
 }
 REFUSED = {
-    "batch": "several cameras in one are not supported",
+    "batch": "several cameras in one are not supported: put one of its sensors in its place",
     "distant": "is not supported: use orthographic",
-    "irradiancemeter": "measures no image",
-    "radiancemeter": "measures no image",
-    "fluencemeter": "measures no image",
+    "irradiancemeter": "measures no image: use perspective or orthographic",
+    "radiancemeter": "measures no image: use perspective or orthographic",
+    "fluencemeter": "measures no image: use perspective or orthographic",
     "perspective_rdist": "distorted lenses are not supported: use perspective",
     "spherical": "is not supported: use perspective",
     "telecentric": "is not supported: use orthographic",

@@ -66,9 +66,9 @@ def shape(importer: Importer, plugin: Plugin) -> Shape:
     for medium in importer.taken(plugin, "medium"):
         raise medium.refuse("media are not supported")
     for inside in importer.taken(plugin, "subsurface"):
-        raise inside.refuse("scattering below the surface is not supported")
+        raise inside.refuse("scattering below the surface is not supported: leave it out")
     for sensor in importer.taken(plugin, "sensor"):
-        raise sensor.refuse("a sensor on a shape is not supported")
+        raise sensor.refuse("a sensor on a shape is not supported: use a perspective sensor of the scene")
     made = make(importer, plugin, _look(importer, plugin))
     importer.finish(plugin)
     importer.check_area(plugin, made)
@@ -298,13 +298,13 @@ SHAPES: dict[str, Callable[[Importer, Plugin, Look], Shape]] = {
 GROUPS = ("merge", "shapegroup", "instance")
 """Plugins that `groups` takes apart."""
 REFUSED = {
-    "hair": "curves are not supported",
-    "bsplinecurve": "curves are not supported",
-    "linearcurve": "curves are not supported",
-    "sdfgrid": "distance fields are not supported: use a mesh",
-    "ellipsoids": "Gaussians are not supported",
-    "ellipsoidsmesh": "Gaussians are not supported",
+    "hair": "curves are not supported: use a mesh of tubes",
+    "bsplinecurve": "curves are not supported: use a mesh of tubes",
+    "linearcurve": "curves are not supported: use a mesh of tubes",
+    "sdfgrid": "distance fields are not supported: use a mesh of the surface",
+    "ellipsoids": "Gaussians are not supported: use a mesh",
+    "ellipsoidsmesh": "Gaussians are not supported: use a mesh",
     "heightfield": "is not supported: use a mesh",
-    "deformable": "motion is not supported",
+    "deformable": "motion is not supported: use a mesh of one moment",
     "blender": "is made by a program: export a PLY file",
 }

@@ -192,6 +192,21 @@ def _raw_constant(importer: Importer, plugin: Plugin, role: str) -> Triple:
     return color(element, role)
 
 
+def _volume(importer: Importer, plugin: Plugin, role: str) -> Triple:
+    """A volume that is one colour everywhere."""
+    volume = importer.named(plugin, "volume")
+    if volume is None or volume.kind != "volume":
+        raise plugin.refuse("a nested volume is expected, of the name 'volume'")
+    if volume.type != "constvolume":
+        raise volume.refuse("volumes that vary are not supported: use constvolume, or a bitmap in place of the texture")
+    made = color_or_texture(importer, volume, "value", default=WHITE, role=role)
+    if not isinstance(made, tuple):
+        raise volume.refuse("value: a colour is expected, not a texture")
+    volume.read.add("to_world")
+    importer.finish(volume)
+    return made
+
+
 def _d65(importer: Importer, plugin: Plugin, role: str) -> Triple:
     """White, as in the RGB variants of Mitsuba 3."""
     grey = plugin.number("scale", default=1.0, low=0.0, high=1.0 if role == REFLECTANCE else math.inf)
@@ -228,14 +243,14 @@ TEXTURES = {
     "srgb": _constant,
     "uniform": _constant,
     "rawconstant": _raw_constant,
+    "volume": _volume,
     "d65": _d65,
     "blackbody": _black_body,
     "regular": _sampled,
     "irregular": _sampled,
 }
 REFUSED = {
-    "volume": "volumes are not supported",
-    "wireframe": "is not supported",
+    "wireframe": "is not supported: bake it into a bitmap",
     "gridtexture": "is not supported: bake it into a bitmap",
-    "curvature": "is not supported",
+    "curvature": "is not supported: bake it into a bitmap",
 }
