@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from engines.scene.bsdf import MAX_DEPTH, Bsdf
 from engines.scene.files import Place
@@ -18,7 +18,8 @@ class MaterialTable:
     """Materials in the order of their indices; `names` are those of the scene file (MTL materials are not in it).
 
     A material may name one that stands after it: `nodes` are those of the file, `read` those that have been read, `reading`
-    the names of those that are being read, each for the one before, and `depth` counts wrappers on the way.
+    the names of those that are being read, each for the one before, and `depth` counts wrappers on the way. `asked` says how
+    often `add_named` has met a name.
     """
 
     materials: list[Material] = field(default_factory=list)
@@ -27,6 +28,7 @@ class MaterialTable:
     read: dict[str, Material] = field(default_factory=dict)
     reading: list[str] = field(default_factory=list)
     depth: int = 0
+    asked: dict[str, int] = field(default_factory=dict)
 
     def declare(self, nodes: Mapping[str, Located], context: SceneReader) -> None:
         """Reads the materials of a scene file, in the order of which they get their indices."""
@@ -64,6 +66,15 @@ class MaterialTable:
         """Appends a material and returns its index."""
         self.materials.append(material)
         return len(self.materials) - 1
+
+    def add_named(self, material: Material) -> int:
+        """Like `add`, with a number behind the name where another material has it."""
+        unique = material.name
+        while unique in self.asked:
+            self.asked[material.name] += 1
+            unique = f"{material.name}_{self.asked[material.name]}"
+        self.asked[unique] = 1
+        return self.add(replace(material, name=unique))
 
     def index(self, node: Located) -> int:
         """The index of the material that a scene file names here."""

@@ -1,4 +1,5 @@
-"""Frames: two tangents of a normal, and the matrices that place what faces along one, or looks at a point."""
+"""Frames: two tangents of a normal, and the matrices that place what faces along one, or looks at a point; what is asked of
+matrices."""
 
 from __future__ import annotations
 
@@ -9,6 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+"""(4, 4), or (3, 3) for its linear part."""
+LARGEST = 1e30
+"""What the numbers of transforms, coordinates and emission must stay below: their squares and cubes are finite."""
 
 
 def tangents(normal: Any) -> tuple[Array, Array]:
@@ -56,3 +61,25 @@ def _matrix(*columns: Any) -> Array:
     matrix = np.eye(4)
     matrix[:3] = np.stack(columns, axis=1)
     return matrix
+
+
+def nearest_orthogonal(linear: Matrix) -> Matrix:
+    """The orthogonal matrix nearest to a linear part (k, k)."""
+    left, _, right = np.linalg.svd(linear)
+    return left @ right
+
+
+def cofactors(linear: Matrix) -> Matrix:
+    """(..., 3, 3) det(A) A^-T, for normals, also where A has no inverse. Times the sign of det(A) it keeps their side."""
+    one, two = linear[..., [1, 2, 0], :], linear[..., [2, 0, 1], :]
+    return one[..., [1, 2, 0]] * two[..., [2, 0, 1]] - one[..., [2, 0, 1]] * two[..., [1, 2, 0]]
+
+
+def placed(to_world: Matrix, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(n, 3) points of the scene."""
+    return points @ to_world[:3, :3].T + to_world[:3, 3]
+
+
+def mirrored(to_world: Matrix) -> bool:
+    """Whether a transform exchanges left and right."""
+    return bool(np.linalg.det(to_world[:3, :3]) < 0.0)

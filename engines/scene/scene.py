@@ -96,11 +96,23 @@ def _materials(node: Located, context: SceneReader) -> None:
 
 
 def _scene(given: Given, context: SceneReader) -> Scene:
-    camera, materials = given["camera"], context.table.materials
-    shapes, lights = given["shapes"] or [], given["lights"] or []
+    camera, shapes, lights = given["camera"], given["shapes"] or [], given["lights"] or []
+    return assembled(context, given["name"] or context.name, camera, shapes, lights)
+
+
+def assembled(
+    context: SceneReader,
+    name: str,
+    camera: Camera,
+    shapes: Sequence[Shape],
+    lights: Sequence[Light],
+    shader: Mapping[str, Any] | None = None,
+) -> Scene:
+    """The scene of what has been read, with the materials and warnings of the context. Raises `SceneError`."""
+    materials = context.table.materials
     check_attributes(context, shapes)
     return Scene(
-        name=given["name"] or context.name,
+        name=name,
         camera=camera,
         materials=tuple(materials),
         shapes=tuple(shapes),
@@ -108,10 +120,11 @@ def _scene(given: Given, context: SceneReader) -> Scene:
         content_hash=content_hash(camera, materials, shapes, lights),
         source=context.source,
         warnings=tuple(scene_warnings(context, shapes, lights)),
+        shader=shader,
     )
 
 
-def scene_warnings(context: SceneReader, shapes: list[Shape], lights: list[Light]) -> list[str]:
+def scene_warnings(context: SceneReader, shapes: Sequence[Shape], lights: Sequence[Light]) -> list[str]:
     """A sentence each for what is legal but rarely meant."""
     warnings = list(dict.fromkeys(context.warnings))
     if not shapes:

@@ -55,7 +55,8 @@ def boolean(node: Located) -> bool:
 def one_of(node: Located, known: Collection[str], what: str) -> str:
     """One of the `known` names of a `what`; others are refused with the nearest known one."""
     if not isinstance(node.value, str) or node.value not in known:
-        raise node.refuse(f"unknown {what}: {suggestion(str(node.value), known)}")
+        found = node.value if isinstance(node.value, str) else ""
+        raise node.refuse(f"unknown {what}: {suggestion(found, known)}")
     return node.value
 
 

@@ -6,6 +6,7 @@ import pytest
 import engines
 from engines.errors import SceneError
 from engines.scene import DirectionalLight, EnvironmentLight, Orthographic, Perspective, PointLight, SpotLight
+from engines.scene.gltf.document import Document
 from tests.gltf_file import CORNERS, SQUARE, GltfFile
 
 
@@ -162,6 +163,48 @@ def test_a_skin_places_vertices_by_its_joints_and_not_by_the_node(tmp_path):
     scene = loaded(tmp_path, file)
     np.testing.assert_allclose(scene.shapes[0].vertices, [[0, 0, 0], [1, 0, 2], [1, 1, 4], [0, 1, 4]])
     assert scene.warnings == ("skin 'skin_0': it is shown in the pose of its nodes",)
+
+
+def skinned(file, weights, *joints):
+    """Gives the square these weights (4, 4), and a skin of nodes with these transforms."""
+    file.primitive["attributes"]["JOINTS_0"] = file.accessor([[0, 1, 0, 0]] * 4, "u1")
+    file.primitive["attributes"]["WEIGHTS_0"] = file.accessor(weights)
+    file.tree["skins"] = [{"joints": list(range(1, len(joints) + 1))}]
+    file.tree["nodes"] = [{"mesh": 0, "skin": 0}, *joints]
+    file.tree["scenes"] = [{"nodes": list(range(len(joints) + 1))}]
+
+
+def test_a_skin_that_mirrors_keeps_the_front_and_stretching_tilts_normals(tmp_path):
+    file = GltfFile()
+    file.primitive["attributes"]["NORMAL"] = file.accessor([[0.6, 0, 0.8]] * 4)
+    skinned(file, [[1, 0, 0, 0]] * 4, {"scale": [-2, 1, 1]}, {})
+    scene = loaded(tmp_path, file)
+    assert (pointing(scene.shapes[0])[:, 2] > 0).all()
+    np.testing.assert_allclose(scene.shapes[0].normals, [np.array([-0.3, 0, 0.8]) / np.hypot(0.3, 0.8)] * 4)
+    assert scene.warnings == ("skin 'skin_0': it is shown in the pose of its nodes",)
+
+
+def test_weights_of_a_skin_are_shares_of_their_sum_and_none_leave_a_vertex_where_it_is(tmp_path):
+    file = GltfFile()
+    skinned(file, [[2, 0, 0, 0], [1, 1, 0, 0], [0.1, 0.3, 0, 0], [0, 0, 0, 0]], {}, {"translation": [0, 0, 4]})
+    np.testing.assert_allclose(loaded(tmp_path, file).shapes[0].vertices[:, 2], [0, 2, 3, 0], atol=1e-6)
+    np.testing.assert_allclose(loaded(tmp_path, file).shapes[0].vertices[:, :2], np.array(SQUARE)[:, :2], atol=1e-6)
+
+
+def test_a_skin_of_many_nodes_is_read_once(tmp_path, monkeypatch):
+    read, array = [], Document.array
+
+    def counted(document, node, *types, **keys):
+        read.append(node.path[-1])
+        return array(document, node, *types, **keys)
+
+    monkeypatch.setattr(Document, "array", counted)
+    file = GltfFile()
+    skinned(file, [[1, 0, 0, 0]] * 4, {}, {})
+    file.tree["skins"][0]["inverseBindMatrices"] = file.accessor([np.eye(4).ravel()] * 2)
+    file.tree["nodes"] += [{"mesh": 0, "skin": 0}] * 5
+    file.tree["scenes"] = [{"nodes": list(range(8))}]
+    assert len(loaded(tmp_path, file).shapes) == 6 and read.count("inverseBindMatrices") == 1
 
 
 def test_animations_and_morph_targets_are_at_rest_with_a_note(tmp_path):

@@ -1,7 +1,10 @@
 """Materials and textures of glTF files as BSDFs, with notes on what is approximated."""
 
+import io
+
 import numpy as np
 import pytest
+from PIL import Image
 
 import engines
 from engines.scene import Blend, Diffuse, Mask, MeshAttribute, NormalMap, Principled, ThinDielectric
@@ -77,23 +80,40 @@ def test_a_normal_map_is_scaled_and_turned_where_its_coordinates_are_mirrored(tm
     np.testing.assert_allclose(turned, [0.75, 0.5 - tilt / 2, 1], rtol=1e-6)
 
 
-def test_a_normal_map_lights_what_faces_the_light_whatever_way_its_coordinates_run(tmp_path):
-    """A texel that leans up leans up in the scene: on a square with plain coordinates and on its mirror image."""
-    means = []
-    for mirrored in (False, True):
-        for green in (40, 215):
-            file = GltfFile()
-            if mirrored:
-                file.primitive["attributes"]["TEXCOORD_0"] = file.accessor([[1 - u, v] for u, v in UVS])
-            file.material(pbrMetallicRoughness={"metallicFactor": 0}, normalTexture=file.image([[[128, green, 218]]]))
-            file.tree["nodes"].append({"rotation": [-0.5, 0, 0, 0.866], "extensions": {"KHR_lights_punctual": {"light": 0}}})
-            file.tree["scenes"] = [{"nodes": [0, 1]}]  # light from above: it travels down and away
-            file.tree["extensions"] = {"KHR_lights_punctual": {"lights": [{"type": "directional"}]}}
-            film = engines.engine("numpy").prepare(loaded(tmp_path, file), engines.Settings(8, 6)).render(4)
-            means.append(film.mean().mean())
-    down, up, mirrored_down, mirrored_up = means
-    assert up > 1.5 * down and mirrored_up > 1.5 * mirrored_down
-    assert up == pytest.approx(mirrored_up, rel=0.02)
+def lit_from_above(folder, texel, uvs=UVS, node=(1, 1, 1), **transform):
+    """The mean of a square with one texel of a normal map, in light that travels down and away."""
+    file = GltfFile()
+    file.primitive["attributes"]["TEXCOORD_0"] = file.accessor(uvs)
+    image = file.image([[texel]]) | ({"extensions": {"KHR_texture_transform": transform}} if transform else {})
+    file.material(pbrMetallicRoughness={"metallicFactor": 0}, normalTexture=image)
+    light = {"rotation": [-0.5, 0, 0, 0.866], "extensions": {"KHR_lights_punctual": {"light": 0}}}
+    file.tree["nodes"] = [{"mesh": 0, "scale": node}, light]
+    file.tree["scenes"] = [{"nodes": [0, 1]}]
+    file.tree["extensions"] = {"KHR_lights_punctual": {"lights": [{"type": "directional"}]}}
+    return engines.engine("numpy").prepare(loaded(folder, file), engines.Settings(8, 6)).render(4).mean().mean()
+
+
+LEFT, DOWN, UP = (40, 128, 218), (128, 40, 218), (128, 215, 218)
+"""Which way a texel leans in its image."""
+
+
+@pytest.mark.parametrize(
+    ("texel", "keys"),
+    [
+        (UP, {"uvs": [[1 - u, v] for u, v in UVS]}),
+        (UP, {"node": (-1, 1, 1)}),
+        (UP, {"node": (-1, 1, 1), "uvs": [[1 - u, v] for u, v in UVS]}),
+        (UP, {"uvs": [[u, 1 - v] for u, v in UVS], "offset": [0, 1], "scale": [1, -1]}),
+        (LEFT, {"rotation": np.pi / 2}),
+        (DOWN, {"rotation": np.pi}),
+    ],
+    ids=["mirrored-uvs", "mirrored-node", "both", "flipped-uvs", "turned-by-90", "turned-by-180"],
+)
+def test_a_texel_of_a_normal_map_leans_in_the_scene_as_its_image_lies_there(tmp_path, texel, keys):
+    """Up, in all of these."""
+    mean = lit_from_above(tmp_path, texel, **keys)
+    up, down = lit_from_above(tmp_path, UP), lit_from_above(tmp_path, DOWN)
+    assert up > 1.5 * down and mean == pytest.approx(up, rel=0.02)
 
 
 @pytest.mark.parametrize(("side", "two"), [(False, False), (True, True)])
@@ -234,4 +254,71 @@ def test_textures_look_at_the_set_of_coordinates_that_they_name(tmp_path):
     pbr = {"baseColorTexture": image | {"texCoord": 1}}
     _, notes = painted(tmp_path, file=file, pbrMetallicRoughness=pbr, emissiveFactor=[1, 1, 1], emissiveTexture=image)
     np.testing.assert_array_equal(engines.load_scene(tmp_path / "m.glb").shapes[0].uvs, np.array(UVS))
-    assert "emissiveTexture is left out: it looks at TEXCOORD_0, and other textures at TEXCOORD_1" in notes[0]
+    assert "emissiveTexture has its mean everywhere: it looks at TEXCOORD_0, and others at TEXCOORD_1" in notes[0]
+
+
+def test_a_texture_of_another_set_of_coordinates_has_its_mean(tmp_path):
+    file = GltfFile()
+    image = file.image(PIXEL)
+    pbr = {"baseColorTexture": image, "metallicRoughnessTexture": image | {"texCoord": 1}}
+    material, notes = painted(tmp_path, file=file, pbrMetallicRoughness=pbr | {"metallicFactor": 0.5})
+    np.testing.assert_allclose(material.bsdf.metallic.pixels, [[[0.25]]])
+    np.testing.assert_allclose(material.bsdf.roughness.pixels, [[[(128 + 255) / 510]]], rtol=1e-6)
+    assert "metallicRoughnessTexture has its mean everywhere" in notes[0]
+
+
+def test_light_that_no_ray_meets_passes_masks_and_panes(tmp_path):
+    """A card that a mask takes away casts no shadow on the floor behind it."""
+    means = []
+    for roots in ([0, 1, 2], [1, 2]):
+        file = GltfFile()
+        file.material(pbrMetallicRoughness={"baseColorFactor": [1, 1, 1, 0]}, alphaMode="MASK")
+        floor = file.add("meshes", primitives=[{**file.primitive, "material": file.add("materials")}])
+        file.tree["nodes"] = [{"mesh": 0, "translation": [0, 0, 0.5]}, {"mesh": floor}]
+        file.tree["nodes"].append({"extensions": {"KHR_lights_punctual": {"light": 0}}})
+        file.tree["scenes"] = [{"nodes": roots}]
+        file.tree["extensions"] = {"KHR_lights_punctual": {"lights": [{"type": "directional"}]}}
+        file.add("cameras", type="orthographic", orthographic={"xmag": 0.4, "ymag": 0.4, "znear": 0, "zfar": 9})
+        file.tree["nodes"][1]["children"] = [3]
+        file.tree["nodes"].append({"camera": 0, "translation": [0.5, 0.5, 1]})
+        scene = loaded(tmp_path, file)
+        settings = engines.Settings(2, 2, shader=scene.shader or {"name": "path_tracer"})
+        means.append(engines.engine("numpy").prepare(scene, settings).render(4).mean().mean())
+    assert means[0] == pytest.approx(means[1], rel=1e-6) and means[1] > 0.05
+
+
+def test_alpha_of_vertex_colours_that_is_not_cut_off_is_noted(tmp_path):
+    file = GltfFile()
+    file.primitive["attributes"]["COLOR_0"] = file.accessor([[255, 0, 0, 0]] * 4, "u1", normalized=True)
+    _, notes = painted(tmp_path, file=file, alphaMode="MASK")
+    assert notes == ("material 'paint': the alpha of vertex colours is not cut off: it is left out",)
+
+
+def test_specular_does_not_bend_what_passes(tmp_path):
+    extensions = {"KHR_materials_transmission": {"transmissionFactor": 1}, "KHR_materials_ior": {"ior": 1.25}}
+    extensions |= {"KHR_materials_specular": {"specularFactor": 0.5}, "KHR_materials_volume": {"thicknessFactor": 1}}
+    material, notes = painted(tmp_path, extensions, pbrMetallicRoughness=DIELECTRIC)
+    assert material.bsdf.eta == 1.25 and "its reflection is that of its ior alone" in notes[0]
+
+
+def test_an_ior_of_0_and_a_boundless_scale_stay_within_what_engines_take(tmp_path):
+    for extensions in ({}, {"KHR_materials_specular": {"specularColorFactor": [1e30, 1e30, 1e30]}}):
+        material, _ = painted(tmp_path, extensions | {"KHR_materials_ior": {"ior": 0}}, pbrMetallicRoughness=DIELECTRIC)
+        assert material.bsdf.eta == 100.0
+    file = GltfFile()
+    material, notes = painted(tmp_path, file=file, normalTexture=file.image([[[255, 128, 255]]]) | {"scale": 1e39})
+    assert np.isfinite(material.bsdf.map.pixels).all()
+    assert notes == ("material 'paint': scale of normalTexture lies outside of [-100, 100]: it is held there",)
+
+
+def test_the_transparent_colour_of_a_png_is_alpha(tmp_path):
+    for mode, clear in (("RGB", (255, 128, 0)), ("L", 128)):
+        buffer = io.BytesIO()
+        image = Image.new(mode, (2, 1), clear)
+        image.putpixel((1, 0), (0, 0, 0) if mode == "RGB" else 0)
+        image.save(buffer, "PNG", transparency=clear)
+        file = GltfFile()
+        source = file.add("images", bufferView=file.view(buffer.getvalue()))
+        pbr = {"baseColorTexture": {"index": file.add("textures", source=source)}}
+        material, _ = painted(tmp_path, file=file, pbrMetallicRoughness=pbr, alphaMode="BLEND")
+        assert material.bsdf.opacity.pixels[0, :, 0].tolist() == [0.0, 1.0]

@@ -7,10 +7,12 @@ count grows by equal amounts, and by more and more where something looks through
 import json
 import os
 import sys
+from dataclasses import replace
 
 import pytest
 
 import engines
+from engines.scene.context import MaterialTable
 from tests.scene.mitsuba_files import written
 
 MODULES = os.path.dirname(engines.__file__) + os.sep
@@ -143,13 +145,11 @@ def test_work_grows_evenly_with_the_lists_of_a_yaml_file(what, tmp_path):
 
 
 def test_the_count_tells_a_list_that_is_looked_through_for_each_member(tmp_path, monkeypatch):
-    from engines.scene.mitsuba_xml.context import Importer
+    def slow(table, material):
+        taken = {each.name for each in table.materials}
+        return table.add(replace(material, name=f"{material.name}_{len(taken)}"))
 
-    def slow(importer, name):
-        taken = {material.name for material in importer.reader.table.materials}
-        return f"{name}_{len(taken)}"
-
-    monkeypatch.setattr(Importer, "_unique", compiled_in_engines(slow))
+    monkeypatch.setattr(MaterialTable, "add_named", compiled_in_engines(slow))
     with pytest.raises(AssertionError):
         test_work_grows_evenly_with_the_lists_of_an_xml_file("materials", tmp_path)
 

@@ -80,9 +80,9 @@ def _bitmap(file: Path, formats: tuple[str, ...], data: bytes | None = None) -> 
             if not np.isfinite(texels).all():
                 raise SceneError(f"{file}: holds values that are infinite or not a number")
             return texels[:, :, None]
-        if image.mode not in ("L", "LA", "RGB", "RGBA"):
-            clear = "transparency" in image.info or image.mode in ("La", "PA", "RGBa")
-            texels = np.asarray(image.convert("L" if image.mode == "1" else "RGBA" if clear else "RGB"))
+        clear = "transparency" in image.info or image.mode in ("La", "PA", "RGBa")
+        if clear or image.mode not in ("L", "LA", "RGB", "RGBA"):
+            texels = np.asarray(image.convert("RGBA" if clear else "L" if image.mode == "1" else "RGB"))
         else:
             texels = np.asarray(image)
         return texels[:, :, None] if texels.ndim == 2 else texels

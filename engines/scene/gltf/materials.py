@@ -2,18 +2,30 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from engines.scene.bsdf import Blend, Bsdf, Mask, NormalMap
 from engines.scene.context import SceneReader
-from engines.scene.gltf.document import Document, child, extension, mapping, name_of, number, numbers, optional, required
-from engines.scene.gltf.notes import Notes
-from engines.scene.gltf.textures import Change, Pixels, Textures, uv_set
+from engines.scene.frames import LARGEST, nearest_orthogonal
+from engines.scene.gltf.document import (
+    Document,
+    boolean,
+    child,
+    extension,
+    mapping,
+    name_of,
+    number,
+    numbers,
+    optional,
+    required,
+)
+from engines.scene.gltf.textures import Change, Pixels, Textures, placing
 from engines.scene.materials import Material
 from engines.scene.models import IORS, LEAST_CONTRAST, Diffuse, Principled, ThinDielectric
+from engines.scene.notes import Notes
 from engines.scene.textures import Color, ImageTexture, MeshAttribute, Number, Texture, tinted
 from engines.scene.triple import BLACK, WHITE, Triple, product, triple
 from engines.schema import fields
@@ -24,19 +36,9 @@ VERTEX_COLOR, VERTEX_ALPHA = "vertex_color", "vertex_alpha"
 MODES = ("OPAQUE", "MASK", "BLEND")
 SMOOTH = 0.05
 """Roughness up to which a pane is taken as smooth without a note."""
-MOST_REFLECTED = ((IORS[1] - 1.0) / (IORS[1] + 1.0)) ** 2
+STEEPEST = 100.0
+"""Largest scale of a normal map: its normals lie along the surface."""
 LUMINANCE = (0.212671, 0.715160, 0.072169)
-
-
-@dataclass(frozen=True, slots=True)
-class Look:
-    """The index of a material, the set of texture coordinates that it looks at, the factor of vertex colours, and whether it
-    has a normal map."""
-
-    index: int
-    uv_set: int
-    tint: Triple
-    tilted: bool
 
 
 @dataclass(slots=True)
@@ -48,7 +50,6 @@ class Materials:
     notes: Notes
     textures: Textures
     looks: dict[tuple[Any, ...], Look] = field(default_factory=dict)
-    names: set[str] = field(default_factory=set)
 
     def look(self, primitive: Located, colored: bool, mirrored: bool) -> Look:
         """The material of a primitive that has vertex colours, or has not, for faces whose texture coordinates are mirrored, or
@@ -58,24 +59,16 @@ class Materials:
         node = default if named is None else self.document.item("materials", named)
         key = (node.path, colored, mirrored)
         if key not in self.looks:
-            reading = _Reading(node, name_of(node, "material"), self.textures, self.notes, colored, mirrored)
-            material = reading.material()
-            material = replace(material, name=self._unique(reading.name))
-            index = self.reader.table.add(material)
-            self.looks[key] = Look(index, reading.uv_set or 0, reading.tint, reading.tilted)
+            look = Look(node, name_of(node, "material"), self.textures, self.notes, colored, mirrored)
+            look.index = self.reader.table.add_named(look.material())
+            self.looks[key] = look
         return self.looks[key]
-
-    def _unique(self, name: str) -> str:
-        unique, count = name, len(self.names) + 1
-        while unique in self.names:
-            unique, count = f"{name}_{count}", count + 1
-        self.names.add(unique)
-        return unique
 
 
 @dataclass(slots=True)
-class _Reading:
-    """A material that is being read. `uv_set` is that of its first texture, `tint` the factor of vertex colours."""
+class Look:
+    """A material as faces show it. `uv_set` is the set of texture coordinates of its first texture, `tint` the factor of vertex
+    colours, `tilted` says whether it has a normal map, and `index` is that of the table."""
 
     node: Located
     name: str
@@ -86,6 +79,7 @@ class _Reading:
     uv_set: int | None = None
     tint: Triple = WHITE
     tilted: bool = False
+    index: int = 0
 
     def material(self) -> Material:
         """The material. Raises `SceneError`."""
@@ -94,13 +88,13 @@ class _Reading:
         if extension(self.node, "KHR_materials_unlit") is not None:
             self._note("it is unlit: it emits its base colour, and so lights what is around it")
             black = None if opacity == 1.0 else Mask(opacity, Diffuse(BLACK))
-            return Material("", emission=self._covered(base, opacity), two_sided=True, bsdf=black)
+            return Material(self.name, emission=self._covered(base, opacity), two_sided=True, bsdf=black)
         emission = self._covered(self._emission(), opacity)
         bsdf = self._bsdf(pbr, base)
         if opacity != 1.0:
             bsdf = Mask(opacity, bsdf)
-        two_sided = fields.boolean(optional(self.node, "doubleSided") or child(self.node, False))
-        return Material("", emission=emission, two_sided=two_sided and emission != BLACK, bsdf=bsdf)
+        two_sided = boolean(self.node, "doubleSided")
+        return Material(self.name, emission=emission, two_sided=two_sided and emission != BLACK, bsdf=bsdf)
 
     # ---- values
 
@@ -110,32 +104,34 @@ class _Reading:
     def _part(self, node: Located | None) -> Located:
         return child(self.node, {}) if node is None else mapping(node)
 
-    def _shares(self, node: Located, key: str, default: tuple[float, ...]) -> tuple[float, ...]:
-        """Numbers that are held in [0, 1]."""
-        given = numbers(node, key, default)
-        held = tuple(min(max(each, 0.0), 1.0) for each in given)
-        if held != given:
-            self._note(f"{key} lies outside of [0, 1]: it is held there")
+    def _held(self, key: str, values: tuple[float, ...], most: float = 1.0, least: float = 0.0) -> tuple[float, ...]:
+        """The numbers, held between the least and the most."""
+        held = tuple(min(max(each, least), most) for each in values)
+        if held != values:
+            self._note(f"{key} lies outside of [{least:g}, {most:g}]: it is held there")
         return held
 
+    def _shares(self, node: Located, key: str, default: tuple[float, ...]) -> tuple[float, ...]:
+        """Numbers that are held in [0, 1]."""
+        return self._held(key, numbers(node, key, default))
+
     def _share(self, node: Located, key: str, default: float) -> float:
-        wrapped = child(node, {key: [node.value[key]]} if key in node.value else {})
-        return self._shares(wrapped, key, (default,))[0]
+        return self._held(key, (number(node, key, default),))[0]
 
     def _texture(
         self, node: Located, key: str, channel: str = "", srgb: bool = False, change: Change | None = None
     ) -> ImageTexture | None:
-        """The texture at a key; None where there is none, or, with a note, where it looks at another set of coordinates."""
+        """The texture at a key; None where there is none, and one texel with the mean, with a note, where it looks at another
+        set of coordinates."""
         info = optional(node, key)
         if info is None:
             return None
-        own = uv_set(info)
+        own, to_uv = placing(info)
         if self.uv_set is None:
             self.uv_set = own
         if own != self.uv_set:
-            self._note(f"{key} is left out: it looks at TEXCOORD_{own}, and other textures at TEXCOORD_{self.uv_set}")
-            return None
-        return self.textures.read(info, channel, srgb, change)
+            self._note(f"{key} has its mean everywhere: it looks at TEXCOORD_{own}, and others at TEXCOORD_{self.uv_set}")
+        return self.textures.read(info, to_uv, channel, srgb, change, own != self.uv_set)
 
     def _number(self, node: Located, key: str, texture: str, channel: str, default: float) -> Number:
         """A share, or one channel of a texture times it."""
@@ -164,9 +160,11 @@ class _Reading:
                 return color, MeshAttribute(VERTEX_ALPHA, alpha)
             return color, self._texture(pbr, "baseColorTexture", "a", change=_times((alpha,))) or alpha
         cutoff = number(self.node, "alphaCutoff", 0.5)
+        if self.colored and image is None:
+            self._note("the alpha of vertex colours is not cut off: it is left out")
         cut = Change(("cut", alpha, cutoff), lambda pixels: pixels * np.float32(alpha) >= cutoff)
         image = self._texture(pbr, "baseColorTexture", "a", change=cut)
-        if image is not None:
+        if image is not None and image.filter == "bilinear":
             self._note("its alpha is cut off at texels, between which it is interpolated")
         return color, image or float(alpha >= cutoff)
 
@@ -175,8 +173,8 @@ class _Reading:
         strength = extension(self.node, "KHR_materials_emissive_strength")
         scale = 1.0 if strength is None else number(strength, "emissiveStrength", 1.0)
         emission = product(triple(factor), scale)
-        if min(emission) < 0.0 or not max(emission) < 1e30:
-            raise required(self.node, "emissiveFactor").refuse("times emissiveStrength must lie in [0, 1e30]")
+        if min(emission) < 0.0 or not max(emission) < LARGEST:
+            raise required(self.node, "emissiveFactor").refuse(f"times emissiveStrength must lie in [0, {LARGEST:g}]")
         if max(emission) == 0.0:
             return BLACK
         image = self._texture(self.node, "emissiveTexture", srgb=True, change=_times(emission))
@@ -186,14 +184,14 @@ class _Reading:
         """The emission of what is there of the surface: a mask does not scale it."""
         if opacity == 1.0 or emission == BLACK:
             return emission
-        if isinstance(emission, ImageTexture) and isinstance(opacity, float | ImageTexture):
-            together = self.textures.covered(self.node, emission, opacity)
-            if together is not None:
-                return together
-        elif isinstance(opacity, ImageTexture) and isinstance(emission, tuple):
-            return self.textures.colored(self.node, opacity, emission)
-        elif isinstance(opacity, float):
+        if isinstance(opacity, float):
+            if isinstance(emission, ImageTexture):
+                return self.textures.times(self.node, emission, opacity)
             return product(emission, opacity) if isinstance(emission, tuple) else tinted(emission, (opacity, opacity, opacity))
+        if isinstance(opacity, ImageTexture) and isinstance(emission, tuple):
+            return self.textures.times(self.node, opacity, emission)
+        if isinstance(opacity, ImageTexture) and isinstance(emission, ImageTexture) and _alike(emission, opacity):
+            return self.textures.times(self.node, emission, opacity.pixels)
         self._note("what is cut out of it emits all the same")
         return emission
 
@@ -201,7 +199,7 @@ class _Reading:
         metallic = self._number(pbr, "metallicFactor", "metallicRoughnessTexture", "b", 1.0)
         roughness = self._number(pbr, "roughnessFactor", "metallicRoughnessTexture", "g", 1.0)
         transmission, solid = self._transmission(metallic)
-        eta = self._eta(metallic != 0.0 or transmission != 0.0)
+        eta = self._eta(metallic != 0.0, transmission != 0.0)
         coat, gloss = self._clearcoat()
         bsdf: Bsdf = Principled(
             base,
@@ -222,26 +220,27 @@ class _Reading:
             self._note("its thin pane is smooth where light passes it: neither that nor its reflection is blurred")
         return Blend(transmission, bsdf, ThinDielectric(max(eta, 1.0 + LEAST_CONTRAST), transmittance=base))
 
-    def _eta(self, reflects: bool) -> float:
+    def _eta(self, metallic: bool, transmits: bool) -> float:
         """The index of refraction, with what KHR_materials_specular makes of the reflectance at normal incidence."""
         ior, specular = extension(self.node, "KHR_materials_ior"), extension(self.node, "KHR_materials_specular")
         index = 1.5 if ior is None else number(ior, "ior", 1.5)
         if index != 0.0 and not 1.0 <= index <= IORS[1]:
             raise required(self._part(ior), "ior").refuse(f"must be 0, or lie in [1, {IORS[1]:g}]")
-        least = 1.0 + LEAST_CONTRAST if reflects else 1.0
-        if specular is None and index != 0.0:
-            return max(index, least)
-        reflected = 1.0 if index == 0.0 else ((index - 1.0) / (index + 1.0)) ** 2
-        if specular is not None:
-            color = numbers(specular, "specularColorFactor", (1.0, 1.0, 1.0))
-            reflected *= self._share(specular, "specularFactor", 1.0) * _luminance(color)
-            if len(set(color)) > 1:
-                self._note("its reflection is not tinted: specularColorFactor counts by its luminance")
-            for key in ("specularTexture", "specularColorTexture"):
-                if optional(specular, key) is not None:
-                    self._note(f"{key} is left out")
-        root = min(max(reflected, 0.0), MOST_REFLECTED) ** 0.5
-        return max((1.0 + root) / (1.0 - root), least)
+        least = 1.0 + LEAST_CONTRAST if metallic or transmits else 1.0
+        if specular is not None and transmits:
+            self._note("its reflection is that of its ior alone, as light passes it: KHR_materials_specular is left out")
+        if specular is None or transmits:
+            return max(index or IORS[1], least)
+        color = numbers(specular, "specularColorFactor", (1.0, 1.0, 1.0))
+        if len(set(color)) > 1:
+            self._note("its reflection is not tinted: specularColorFactor counts by its luminance")
+        for key in ("specularTexture", "specularColorTexture"):
+            if optional(specular, key) is not None:
+                self._note(f"{key} is left out")
+        reflected = ((index - 1.0) / (index + 1.0)) ** 2 if index != 0.0 else 1.0
+        reflected *= self._share(specular, "specularFactor", 1.0) * _luminance(color)
+        root = min(max(reflected, 0.0) ** 0.5, 0.99)
+        return min(max((1.0 + root) / (1.0 - root), least), IORS[1])
 
     def _transmission(self, metallic: Number) -> tuple[Number, bool]:
         """The share of light that may pass, and whether what it enters is a solid."""
@@ -277,7 +276,7 @@ class _Reading:
         coat = 0.0 if node is None else self._number(node, "clearcoatFactor", "clearcoatTexture", "r", 0.0)
         if node is None or coat == 0.0:
             return 0.0, 0.0
-        self._note("its clear coat is Disney's: a quarter as strong, with a wider highlight, and it does not dim the base")
+        self._note("its clear coat is Disney's: a quarter as strong, wider, no rougher than 0.32, and it does not dim the base")
         if optional(node, "clearcoatNormalTexture") is not None:
             self._note("its clear coat has the normals of the base: clearcoatNormalTexture is left out")
         factor = self._share(node, "clearcoatRoughnessFactor", 0.0)
@@ -289,24 +288,29 @@ class _Reading:
         info = optional(self.node, "normalTexture")
         if info is None:
             return None
-        scale = number(mapping(info), "scale", 1.0)
+        (scale,) = self._held("scale of normalTexture", (number(mapping(info), "scale", 1.0),), STEEPEST, -STEEPEST)
+        to_uv = np.reshape(placing(info)[1], (2, 3))[:, :2]
+        up = np.diag([1.0, -1.0])  # y of a texel points up, and v down; where coordinates are mirrored, the second tangent, too
+        turn = scale * (np.eye(2) if self.mirrored else up) @ nearest_orthogonal(to_uv).T @ up
 
         def changed(pixels: Pixels) -> Pixels:
             normals = 2.0 * pixels - 1.0
-            normals[:, :, :2] *= scale
-            if self.mirrored:
-                normals[:, :, 1] *= -1.0
+            if pixels.shape[2] == 3:
+                normals[:, :, :2] = normals[:, :, :2] @ turn.T
             return (normals + 1.0) / 2.0
 
-        plain = scale == 1.0 and not self.mirrored
-        found = self._texture(
-            self.node, "normalTexture", change=None if plain else Change(("normal", scale, self.mirrored), changed)
-        )
+        change = None if np.allclose(turn, np.eye(2)) else Change(("normal", *turn.flat), changed)
+        found = self._texture(self.node, "normalTexture", change=change)
         if found is not None and found.pixels.shape[2] != 3:
             self._note("its normalTexture is left out: an image with three channels is expected")
             return None
         self.tilted = found is not None
         return found
+
+
+def _alike(a: ImageTexture, b: ImageTexture) -> bool:
+    """Whether the texels of two images are at the same places."""
+    return a.pixels.shape[:2] == b.pixels.shape[:2] and (a.to_uv, a.wrap, a.filter) == (b.to_uv, b.wrap, b.filter)
 
 
 def _luminance(color: tuple[float, ...]) -> float:

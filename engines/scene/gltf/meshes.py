@@ -4,53 +4,53 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engines.scene.attributes import Attributes, of_copies
 from engines.scene.context import SceneReader
+from engines.scene.frames import LARGEST, Matrix, cofactors
 from engines.scene.geometry import has_area, unit_rows, with_face_normals
 from engines.scene.gltf.document import DECOMPRESS, Document, extension, integer, listed, mapping, name_of, optional, required
-from engines.scene.gltf.materials import VERTEX_ALPHA, VERTEX_COLOR, Materials
-from engines.scene.gltf.notes import Notes
+from engines.scene.gltf.materials import VERTEX_ALPHA, VERTEX_COLOR, Look, Materials
 from engines.scene.mesh import Mesh, faceted, read_only_mesh
-from engines.scene.mitsuba_xml.transforms import Matrix, cofactors, mirrored, placed
+from engines.scene.notes import Notes
 from engines.schema.yaml_file import Located
 
 TRIANGLES, STRIP, FAN = 4, 5, 6
-LARGEST = 1e30
-"""Coordinates within which vertices must lie."""
 MAX_COPIED = 4_000_000
-"""Triangles of all copies, beyond one for two bytes of the buffers."""
-LEAST_COUNTED = 256
-"""Triangles that a primitive, and a copy of it, counts as at least: a small one takes as long as so many."""
-Rows = Callable[[str, int], NDArray[np.float64] | None]
-"""An attribute of the vertices that are used, (n, width), by its name and its width; None where there is none."""
+"""Triangles of all primitives and copies, beyond one for two bytes of the files."""
+LEAST_COUNTED = 16
+"""Triangles that a mesh, a primitive, and a copy of either counts as at least: they take time without any."""
 MAX_WEIGHTS = 8
 """Sets of four joints of a vertex."""
 NO_DRACO = f"is compressed with Draco, which is not read: {DECOMPRESS}"
+Rows = Callable[..., NDArray[Any] | None]
+"""An attribute of the vertices that are used, (n, width), by its name and its types; None where there is none."""
 
 
 @dataclass(frozen=True, slots=True)
 class Primitive:
-    """Triangles in the space of their mesh: `vertices` (n, 3), `faces` (m, 3), `materials` (m,), and what the file has of unit
-    `normals` (n, 3), `uvs` (n, 2) and attributes; and `joints` (n, k) with `weights` (n, k) of a skin."""
+    """Triangles in the space of their mesh: `vertices` (n, 3), `faces` (m, 3), and what the file has of unit `normals` (n, 3),
+    `uvs` (n, 2), attributes, and a `skin` of joints (n, k) and their weights (n, k). `turned` (m,) says of which faces
+    the texture coordinates are mirrored, where that matters to their `look`."""
 
     node: Located
     vertices: NDArray[np.float64]
     faces: NDArray[np.int32]
-    materials: NDArray[np.int32]
     normals: NDArray[np.float64] | None
+    look: Look
     uvs: NDArray[np.float64] | None
     attributes: Attributes
-    joints: NDArray[np.int64] | None
-    weights: NDArray[np.float64] | None
+    turned: NDArray[np.bool_] | None
+    skin: tuple[NDArray[Any], NDArray[Any]] | None
 
 
 @dataclass(slots=True)
 class Meshes:
-    """The meshes of a file that nodes show; `triangles` counts those that have been placed."""
+    """The meshes of a file that nodes show; `triangles` counts those that have been read and placed."""
 
     document: Document
     reader: SceneReader
@@ -64,6 +64,7 @@ class Meshes:
         copy: an engine with instances would share `primitives` here.
 
         `joints` (k, 4, 4) are those of a skin, which places the vertices instead. Raises `SceneError`."""
+        self._count(named, 0)
         mesh = self.document.item("meshes", named)
         if named.value not in self.primitives:
             self.primitives[named.value] = list(self._read(mesh))
@@ -80,32 +81,33 @@ class Meshes:
     def _count(self, node: Located, triangles: int) -> None:
         self.triangles += max(triangles, LEAST_COUNTED)
         if self.triangles > (most := MAX_COPIED + self.document.held // 2):
-            counted = f"a primitive counts as {LEAST_COUNTED} at least"
+            counted = f"a mesh and a primitive count as {LEAST_COUNTED} at least"
             raise node.refuse(f"nodes show more than {most:,} triangles in all ({counted}): there must be fewer copies")
 
     def _copy(self, primitive: Primitive, matrix: Matrix, name: str, joints: NDArray[np.float64] | None) -> Mesh:
-        vertices, faces, normals, uvs = primitive.vertices, primitive.faces, primitive.normals, primitive.uvs
-        attributes = primitive.attributes
-        skin = None if joints is None else _skin(primitive, joints)
+        faces, normals, uvs, attributes = primitive.faces, primitive.normals, primitive.uvs, primitive.attributes
+        skin = matrix[None] if joints is None or primitive.skin is None else _skin(primitive.node, *primitive.skin, joints)
+        linear = skin[:, :3, :3]
         with np.errstate(over="ignore", invalid="ignore"):
-            if skin is not None:
-                vertices = np.einsum("nij,nj->ni", skin[:, :3, :3], vertices) + skin[:, :3, 3]
-                normals = None if normals is None else unit_rows(np.einsum("nij,nj->ni", skin[:, :3, :3], normals))
-            else:
-                vertices = placed(matrix, vertices)
-                if mirrored(matrix):
-                    faces = faces[:, [0, 2, 1]]
-                if normals is not None:
-                    normals = unit_rows(normals @ cofactors(matrix[:3, :3]).T * (-1.0 if mirrored(matrix) else 1.0))
+            mirrored = np.linalg.det(linear) < 0.0
+            vertices = np.einsum("nij,nj->ni", linear, primitive.vertices) + skin[:, :3, 3]
+            if normals is not None:
+                sides = np.where(mirrored, -1.0, 1.0)[:, None, None]
+                normals = unit_rows(np.einsum("nij,nj->ni", sides * cofactors(linear), normals))
         if not (np.abs(vertices) < LARGEST).all():
             raise primitive.node.refuse(f"vertices must be finite, and lie within {LARGEST:g} of the origin")
+        swapped = np.broadcast_to(mirrored, len(vertices))[faces].sum(axis=1) > 1
+        faces = np.where(swapped[:, None], faces[:, [0, 2, 1]], faces)
+        materials = np.full(len(faces), primitive.look.index, np.int32)
+        if primitive.turned is not None and (turned := primitive.turned != swapped).any():
+            materials[turned] = self.materials.look(primitive.node, primitive.look.colored, mirrored=True).index
         if normals is not None:
             made = with_face_normals(vertices, faces, normals, uvs)
             if made.replaced:
                 self.notes.add(faceted(made.replaced), f"mesh {name!r}")
             vertices, faces, normals, uvs = made.vertices, made.faces, made.normals, made.uvs
             attributes = of_copies(attributes, made.copied)
-        return read_only_mesh(vertices, faces, primitive.materials, normals, name, uvs, attributes)
+        return read_only_mesh(vertices, faces, materials, normals, name, uvs, attributes)
 
     # ---- primitives
 
@@ -124,107 +126,87 @@ class Meshes:
     def _primitive(self, node: Located, mode: int, name: str) -> Iterator[Primitive]:
         given = mapping(required(node, "attributes"))
         where = optional(given, "POSITION")
-        if extension(node, "KHR_draco_mesh_compression") is not None and (where is None or self._is_compressed(where)):
+        if extension(node, "KHR_draco_mesh_compression") is not None and (
+            where is None or optional(self.document.item("accessors", where), "bufferView") is None
+        ):
             raise node.refuse(NO_DRACO)
         if where is None:
             self.notes.add("primitives without POSITION are left out", name)
             return
-        vertices = self._floats(where, "VEC3")
-        corners = self._corners(node, len(vertices))
-        faces = _triangles(corners, mode)
-        if len(corners) and mode == TRIANGLES and len(corners) % 3:
-            raise node.refuse(f"has {len(corners)} corners: three for each triangle are expected")
+        vertices = self.document.array(where, ("VEC3",))
+        faces = _triangles(node, self._corners(node, len(vertices)), mode)
         if len(faces) == 0:
             self.notes.add("primitives without triangles are left out", name)
             return
+        self._count(node, len(faces))
         used, flat = np.unique(faces, return_inverse=True)
         faces = flat.reshape(-1, 3).astype(np.int32)
 
-        def rows(key: str, width: int) -> NDArray[np.float64] | None:
+        def rows(key: str, *types: str, whole: bool = False) -> NDArray[Any] | None:
             found = optional(given, key)
             if found is None:
                 return None
-            every = self._floats(found, *(("VEC3", "VEC4") if width == 4 else (f"VEC{width}",)))
+            every = self.document.array(found, types, whole)
             if len(every) != len(vertices):
                 raise found.refuse(f"has {len(every)} elements, and POSITION {len(vertices)}")
             if not np.isfinite(values := every[used]).all():
                 raise found.refuse("holds numbers that are infinite, or none")
             return values
 
-        normals, colors = rows("NORMAL", 3), rows("COLOR_0", 4)
-        if colors is not None and not (colors != 1.0).any():
-            colors = None
-        materials, uvs, attributes = self._looks(node, rows, faces, colors, name)
-        joints, weights = self._weights(given, used, len(vertices))
-        points = vertices[used]
+        points, normals, colors = vertices[used], rows("NORMAL", "VEC3"), rows("COLOR_0", "VEC3", "VEC4")
         if not (np.abs(points) < LARGEST).all():
             raise where.refuse(f"vertices must be finite, and lie within {LARGEST:g} of the origin")
-        yield Primitive(
-            node, points, faces, materials, None if normals is None else unit_rows(normals), uvs, attributes, joints, weights
-        )
-
-    def _is_compressed(self, where: Located) -> bool:
-        return optional(self.document.item("accessors", where), "bufferView") is None
-
-    def _floats(self, node: Located, *types: str) -> NDArray[np.float64]:
-        """(n, k) of an accessor; integers that are not normalised as they are (KHR_mesh_quantization)."""
-        return self.document.array(node, types).astype(np.float64, copy=False)
+        normals = None if normals is None else unit_rows(normals)
+        look = self.materials.look(node, colors is not None and bool((colors != 1.0).any()), mirrored=False)
+        shown = self._shown(look, rows, faces, colors, name)
+        yield Primitive(node, points, faces, normals, look, *shown, _weights(rows))
 
     def _corners(self, node: Located, count: int) -> NDArray[np.int64]:
         """(k,) the vertices of the corners of triangles, in the order of the file."""
         indices = optional(node, "indices")
         if indices is None:
             return np.arange(count)
-        found = self.document.array(indices, ("SCALAR",))[:, 0]
-        if found.dtype.kind != "u":
-            raise indices.refuse("accessor of indices: unsigned integers are expected")
+        found = self.document.array(indices, ("SCALAR",), whole=True)[:, 0]
         if found.max() >= count:
             raise indices.refuse(f"a corner is vertex {found.max()} of {count}")
         return found.astype(np.int64)
 
-    def _looks(
-        self, node: Located, rows: Rows, faces: NDArray[np.int32], colors: NDArray[np.float64] | None, name: str
-    ) -> tuple[NDArray[np.int32], NDArray[np.float64] | None, Attributes]:
-        """The materials of the faces, and the texture coordinates and attributes that they look at."""
-        look = self.materials.look(node, colors is not None, mirrored=False)
+    def _shown(
+        self, look: Look, rows: Rows, faces: NDArray[np.int32], colors: NDArray[np.float64] | None, name: str
+    ) -> tuple[NDArray[np.float64] | None, Attributes, NDArray[np.bool_] | None]:
+        """The texture coordinates and attributes that a look needs, and which faces are turned."""
         material = self.reader.table.materials[look.index]
-        materials = np.full(len(faces), look.index, np.int32)
         attributes = {}
         if colors is not None and VERTEX_COLOR in material.attributes:
             attributes[VERTEX_COLOR] = np.clip(colors[:, :3] * look.tint, 0.0, 1.0)
         if colors is not None and VERTEX_ALPHA in material.attributes:
             attributes[VERTEX_ALPHA] = np.clip(colors[:, 3:] if colors.shape[1] == 4 else np.ones((len(colors), 1)), 0.0, 1.0)
         if not material.uses_uvs:
-            return materials, None, attributes
-        uvs = rows(f"TEXCOORD_{look.uv_set}", 2)
+            return None, attributes, None
+        uvs = rows(f"TEXCOORD_{look.uv_set or 0}", "VEC2")
         if uvs is None:
-            self.notes.add(f"without TEXCOORD_{look.uv_set} it shows one texel of its textures", name)
-            return materials, np.zeros((int(faces.max()) + 1, 2)), attributes
-        if look.tilted and (turned := _turned(uvs[faces])).any():
-            materials[turned] = self.materials.look(node, colors is not None, mirrored=True).index
-        return materials, uvs, attributes
-
-    def _weights(
-        self, given: Located, used: NDArray[np.int64], count: int
-    ) -> tuple[NDArray[np.int64] | None, NDArray[np.float64] | None]:
-        joints, weights = [], []
-        for index in range(MAX_WEIGHTS):
-            a, b = optional(given, f"JOINTS_{index}"), optional(given, f"WEIGHTS_{index}")
-            if a is None or b is None:
-                break
-            joints.append(self.document.array(a, ("VEC4",)))
-            weights.append(self._floats(b, "VEC4"))
-            if joints[-1].dtype.kind != "u" or len(joints[-1]) != count or len(weights[-1]) != count:
-                raise a.refuse("unsigned integers, as many as POSITION has elements, and as many weights are expected")
-        if not joints:
-            return None, None
-        return np.concatenate(joints, axis=1)[used].astype(np.int64), np.concatenate(weights, axis=1)[used]
+            self.notes.add(f"without TEXCOORD_{look.uv_set or 0} it shows one texel of its textures", name)
+            return np.zeros((int(faces.max()) + 1, 2)), attributes, None
+        return uvs, attributes, _turned(uvs[faces]) if look.tilted else None
 
 
-def _triangles(corners: NDArray[np.int64], mode: int) -> NDArray[np.int64]:
+def _weights(rows: Rows) -> tuple[NDArray[Any], NDArray[Any]] | None:
+    """The joints of vertices (n, k) and their weights (n, k)."""
+    sets = []
+    for index in range(MAX_WEIGHTS):
+        joints, weights = rows(f"JOINTS_{index}", "VEC4", whole=True), rows(f"WEIGHTS_{index}", "VEC4")
+        if joints is None or weights is None:
+            break
+        sets.append((joints, weights))
+    return (np.hstack([joints for joints, _ in sets]), np.hstack([weights for _, weights in sets])) if sets else None
+
+
+def _triangles(node: Located, corners: NDArray[np.int64], mode: int) -> NDArray[np.int64]:
     """(m, 3) of corners in a row."""
     if mode == TRIANGLES:
-        return corners[: len(corners) // 3 * 3].reshape(-1, 3)
+        if len(corners) % 3:
+            raise node.refuse(f"has {len(corners)} corners: three for each triangle are expected")
+        return corners.reshape(-1, 3)
     count = max(len(corners) - 2, 0)
     first = np.arange(count)
     if mode == FAN:
@@ -239,13 +221,12 @@ def _turned(uvs: NDArray[np.float64]) -> NDArray[np.bool_]:
     return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0] > 0.0
 
 
-def _skin(primitive: Primitive, joints: NDArray[np.float64]) -> NDArray[np.float64] | None:
-    """(n, 4, 4) the transforms of vertices; None of a primitive without weights."""
-    if primitive.joints is None or primitive.weights is None:
-        return None
-    if primitive.joints.max() >= len(joints):
-        raise primitive.node.refuse(f"has joint {primitive.joints.max()} of {len(joints)}")
-    total = np.zeros((len(primitive.vertices), 4, 4))
-    for joint, weight in zip(primitive.joints.T, primitive.weights.T, strict=True):
-        total += weight[:, None, None] * joints[joint]
-    return total
+def _skin(node: Located, joints: NDArray[Any], weights: NDArray[Any], places: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(n, 4, 4) the transforms of vertices: means of the `places` (k, 4, 4) of joints; the identity without weights."""
+    if joints.max() >= len(places):
+        raise node.refuse(f"has joint {joints.max()} of {len(places)}")
+    total = np.zeros((len(joints), 4, 4))
+    for joint, weight in zip(joints.T, weights.T, strict=True):
+        total += weight[:, None, None] * places[joint]
+    sums = weights.sum(axis=1)[:, None, None]
+    return np.divide(total, sums, out=np.tile(np.eye(4), (len(total), 1, 1)), where=sums != 0.0)

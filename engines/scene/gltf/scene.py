@@ -10,15 +10,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from engines.scene.bsdf_tree import has_null_lobes
 from engines.scene.cameras import LARGEST_SIDE, Orthographic, Perspective
-from engines.scene.content import content_hash
 from engines.scene.context import SceneReader
 from engines.scene.files import Place
+from engines.scene.frames import LARGEST, Matrix, mirrored
 from engines.scene.gltf.document import (
     DECOMPRESS,
     TO_PNG,
     Document,
-    Items,
+    a_list,
     child,
     extension,
     listed,
@@ -31,14 +32,13 @@ from engines.scene.gltf.document import (
     required,
 )
 from engines.scene.gltf.materials import Materials
-from engines.scene.gltf.meshes import LARGEST, Meshes
-from engines.scene.gltf.notes import Notes
+from engines.scene.gltf.meshes import Meshes
 from engines.scene.gltf.textures import Textures
 from engines.scene.lights import LIGHTS, DirectionalLight, Light, PointLight, SpotLight
 from engines.scene.mesh import Mesh
 from engines.scene.mesh_scene import FOV, RESOLUTION, VIEW, framing, neutral_lights
-from engines.scene.mitsuba_xml.transforms import Matrix, mirrored
-from engines.scene.scene import Scene, check_attributes, scene_warnings
+from engines.scene.notes import Notes
+from engines.scene.scene import Scene, assembled
 from engines.scene.triple import Triple, product, triple
 from engines.schema import fields
 from engines.schema.yaml_file import Located, locate
@@ -49,19 +49,18 @@ KNOWN = {
     *("KHR_materials_specular", "KHR_materials_transmission", "KHR_materials_unlit", "KHR_materials_volume"),
 }
 """Extensions that are read."""
-HARMLESS = {"KHR_materials_variants": "its variants are not read: materials are those by default"}
-"""Extensions that a file may do without, whatever it says, with a note."""
+VARIANTS = "KHR_materials_variants"
+"""A file may require it, and is shown without it."""
 REMEDIES = {
     "KHR_draco_mesh_compression": DECOMPRESS,
     "EXT_meshopt_compression": "export it without compression",
     "KHR_meshopt_compression": "export it without compression",
     "KHR_texture_basisu": TO_PNG,
     "KHR_materials_pbrSpecularGlossiness": "convert its materials, such as with gltf-transform's metalrough",
+    VARIANTS: "materials are those by default",
 }
-"""What helps where a file cannot do without an extension that is not read."""
+"""What helps where an extension is not read."""
 MAX_NODES = 200_000
-PLACING = {"matrix", "translation", "rotation", "scale"}
-"""Keys of a node's transform."""
 NARROWEST = 1e-3
 """Degrees: the least half angle of a spot light's cone."""
 
@@ -86,32 +85,22 @@ def gltf_scene(file: Path, place: Place) -> Scene:
     if not lights:
         lights = [LIGHTS.read(locate(each), reader) for each in neutral_lights(towards, np.array(camera.up))]
     reader.warnings += notes.sentences()
-    check_attributes(reader, shapes)
-    table = reader.table.materials
-    return Scene(
-        name=file.stem,
-        camera=camera,
-        materials=tuple(table),
-        shapes=tuple(shapes),
-        lights=tuple(lights),
-        content_hash=content_hash(camera, table, shapes, lights),
-        source=str(file),
-        warnings=tuple(scene_warnings(reader, [*shapes], lights)),
-    )
+    # lights that no ray can meet are found through masks and thin panes by shadow rays alone
+    through = any(has_null_lobes(material.as_bsdf) for material in reader.table.materials)
+    shader = {"name": "path_tracer", "transparent_shadows": True} if through else None
+    return assembled(reader, file.stem, camera, shapes, lights, shader)
 
 
 def _check_extensions(document: Document, notes: Notes) -> None:
-    required_names = [fields.text(each) for each in listed(document.root, "extensionsRequired")]
-    for name in required_names:
-        if name not in KNOWN | HARMLESS.keys():
+    needed = [fields.text(each) for each in listed(document.root, "extensionsRequired")]
+    for name in needed:
+        if name not in KNOWN | {VARIANTS}:
             remedy = REMEDIES.get(name, "save it without")
-            raise document.root.refuse_key("extensionsRequired", f"{name[:80]} is not read: {remedy}")
+            raise document.root.refuse_key("extensionsRequired", f"{name[:80]!r} is not read: {remedy}")
     for each in listed(document.root, "extensionsUsed"):
-        if fields.text(each) in HARMLESS:
-            notes.add(HARMLESS[each.value], "the scene")
-        elif each.value not in KNOWN:
-            notes.add("not read", f"extension {each.value[:80]}")
-    if len(listed(document.root, "animations")):
+        if (name := fields.text(each)) not in KNOWN:
+            notes.add(": ".join(["not read", *([REMEDIES[name]] if name in REMEDIES else [])]), f"extension {name[:80]!r}")
+    if a_list(document.root, "animations").value:
         notes.add("its animations are not played: it is at rest", "the scene")
 
 
@@ -139,7 +128,8 @@ class _Importer:
     lights: list[Light] = field(default_factory=list)
     cameras: list[Perspective | Orthographic] = field(default_factory=list)
     worlds: dict[int, Matrix] = field(default_factory=dict)
-    """The transforms of nodes that have been visited."""
+    joints: dict[int, NDArray[np.float64]] = field(default_factory=dict)
+    """The transforms of nodes that have been visited, and of the joints of skins."""
 
     def read(self) -> None:
         """Visits the nodes of the default scene, or of the first. Raises `SceneError`."""
@@ -156,10 +146,10 @@ class _Importer:
 
     def _visit(self) -> Iterator[Located]:
         """Every node with its transform in `worlds`, from the roots; none twice."""
-        if (count := len(listed(self.document.root, "nodes"))) > MAX_NODES:
+        if (count := len(a_list(self.document.root, "nodes").value)) > MAX_NODES:
             raise self.document.root.refuse_key("nodes", f"there are {count}: at most {MAX_NODES:,} are read")
         root = self.document.root
-        if len(listed(root, "scenes")):
+        if a_list(root, "scenes").value:
             index = optional(root, "scene") or child(root, 0, "scene")
             roots = list(listed(self.document.item("scenes", index), "nodes"))
         else:
@@ -171,7 +161,7 @@ class _Importer:
             if named.value in self.worlds:
                 raise named.refuse("this node is its own ancestor, or has two parents: a tree is expected")
             with np.errstate(over="ignore", invalid="ignore"):
-                world = outer @ _local(node) if PLACING & node.value.keys() else outer
+                world = outer @ _local(node)
             if not (np.abs(world) < LARGEST).all():
                 raise node.refuse("its transform leaves the range of numbers")
             self.worlds[named.value] = world
@@ -181,34 +171,39 @@ class _Importer:
     def _parentless(self) -> list[Located]:
         """Of a file without scenes, the nodes that are no child of another one."""
         self.notes.add("the file does not say what it shows: all nodes are shown", "the scene")
-        nodes = listed(self.document.root, "nodes")
+        nodes = list(listed(self.document.root, "nodes"))
         children = {fields.integer(each, 0, 2**53) for node in nodes for each in listed(mapping(node), "children")}
-        return [child(self.document.root, index, "nodes", index) for index in range(len(nodes)) if index not in children]
+        return [child(node, index) for index, node in enumerate(nodes) if index not in children]
 
     def _mesh(self, node: Located, mesh: Located, world: Matrix) -> None:
         skin, copies = optional(node, "skin"), extension(node, "EXT_mesh_gpu_instancing")
-        joints = None if skin is None else self._joints(self.document.item("skins", skin))
+        joints = None if skin is None else self._joints(skin)
         for matrix in [world] if copies is None else self._copies(copies, world):
             self.shapes += self.meshes.placed(mesh, matrix, joints)
 
-    def _joints(self, skin: Located) -> NDArray[np.float64]:
-        """(k, 4, 4) from the space of the mesh to the scene's, for each joint."""
-        named = listed(skin, "joints")
+    def _joints(self, named: Located) -> NDArray[np.float64]:
+        """(k, 4, 4) from the space of the mesh to the scene's, for each joint of a skin."""
+        skin = self.document.item("skins", named)
+        if named.value not in self.joints:
+            self.notes.add("it is shown in the pose of its nodes", f"skin {name_of(skin, 'skin')!r}")
+            self.joints[named.value] = self._bound(skin)
+        return self.joints[named.value]
+
+    def _bound(self, skin: Located) -> NDArray[np.float64]:
         worlds = []
-        for each in named:
+        for each in listed(skin, "joints"):
             self.document.item("nodes", each)
             if each.value not in self.worlds:
                 raise each.refuse("this joint is no node of the scene")
             worlds.append(self.worlds[each.value])
-        bound = optional(skin, "inverseBindMatrices")
         if not worlds:
             raise skin.refuse_key("joints", "is missing or empty")
+        bound = optional(skin, "inverseBindMatrices")
         if bound is None:
             return np.array(worlds)
         inverse = self.document.array(bound, ("MAT4",)).reshape(-1, 4, 4).transpose(0, 2, 1)
         if len(inverse) < len(worlds):
             raise bound.refuse(f"has {len(inverse)} matrices for {len(worlds)} joints")
-        self.notes.add("it is shown in the pose of its nodes", f"skin {name_of(skin, 'skin')!r}")
         with np.errstate(over="ignore", invalid="ignore"):
             return np.array(worlds) @ inverse[: len(worlds)]
 
@@ -216,7 +211,7 @@ class _Importer:
         """The transforms of EXT_mesh_gpu_instancing."""
         given = mapping(required(node, "attributes"))
         parts = {
-            key: None if (found := optional(given, key)) is None else self.document.array(found, (kind,)).astype(np.float64)
+            key: None if (found := optional(given, key)) is None else self.document.array(found, (kind,))
             for key, kind in (("TRANSLATION", "VEC3"), ("ROTATION", "VEC4"), ("SCALE", "VEC3"))
         }
         counts = {len(array) for array in parts.values() if array is not None}
@@ -232,11 +227,8 @@ class _Importer:
             yield matrix
 
     def _light(self, named: Located, world: Matrix) -> Light:
-        every = extension(self.document.root, "KHR_lights_punctual")
-        lights = Items(child(self.document.root, [])) if every is None else listed(every, "lights")
-        if not (isinstance(named.value, int) and 0 <= named.value < len(lights)):
-            raise named.refuse(f"there are {len(lights)} lights, counted from 0")
-        light = mapping(lights[named.value])
+        root = self.document.root
+        light = self.document.item("lights", named, extension(root, "KHR_lights_punctual") or child(root, {}))
         intensity = number(light, "intensity", 1.0)
         color = product(triple(numbers(light, "color", (1.0, 1.0, 1.0))), intensity)
         if min(color) < 0.0 or not max(color) < LARGEST:

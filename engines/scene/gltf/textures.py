@@ -14,15 +14,14 @@ from numpy.typing import NDArray
 from engines.image import MAX_PIXELS
 from engines.scene.geometry import read_only
 from engines.scene.gltf.document import TO_PNG, Document, extension, integer, mapping, number, numbers, optional, required
-from engines.scene.gltf.notes import Notes
+from engines.scene.notes import Notes
 from engines.scene.textures import IDENTITY, Images, ImageTexture, UVMatrix
-from engines.scene.triple import Triple
 from engines.schema.yaml_file import Located
 
 WRAPS = {10497: "repeat", 33648: "mirror", 33071: "clamp"}
 NEAREST = 9728
 PIXELS_PER_BYTE = 32
-"""Of image files together, those that materials have changed included, beyond `MAX_PIXELS`."""
+"""Pixels of all images, those that materials have changed included, for each byte of the files; `MAX_PIXELS` are free."""
 NO_KTX = f"is a KTX2 image, which is not read: {TO_PNG}"
 
 Pixels = NDArray[np.float32]
@@ -38,42 +37,36 @@ class Change:
 
 @dataclass(slots=True)
 class Textures:
-    """The textures of a file that have been read. `pixels` and `bytes` count those of all images."""
+    """The textures of a file that have been read. `pixels` counts those of all images."""
 
     document: Document
     images: Images
     notes: Notes
     pixels: int = 0
-    bytes: int = 0
     made: dict[tuple[Any, ...], ImageTexture | None] = field(default_factory=dict)
     arrays: dict[tuple[Any, ...], Pixels] = field(default_factory=dict)
 
-    def read(self, info: Located, channel: str, srgb: bool, change: Change | None) -> ImageTexture | None:
-        """The texture of a `textureInfo`: of linear colours, or one `channel`, with its pixels changed; None where that is
-        alpha, and the image has none."""
+    def read(
+        self, info: Located, to_uv: UVMatrix, channel: str, srgb: bool, change: Change | None, flat: bool
+    ) -> ImageTexture | None:
+        """The texture of a `textureInfo`: of linear colours, or one `channel`, with its pixels changed, or, `flat`, one texel
+        with their mean; None where the channel is alpha, and the image has none."""
         index = required(info, "index")
         texture = self.document.item("textures", index)
-        to_uv = _transform(info)
-        key = (index.value, channel, srgb, change and change.key, to_uv)
+        key = (index.value, channel, srgb, change and change.key, to_uv, flat)
         if key not in self.made:
-            self.made[key] = self._texture(texture, channel, srgb, change, to_uv)
+            made = self._texture(texture, channel, srgb, change, to_uv)
+            if made is not None and flat:
+                mean = made.pixels.mean(axis=(0, 1), dtype=np.float64, keepdims=True)
+                made = replace(made, pixels=read_only(mean.astype(np.float32)))
+            self.made[key] = made
         return self.made[key]
 
-    def covered(self, place: Located, image: ImageTexture, opacity: ImageTexture | float) -> ImageTexture | None:
-        """The image times an opacity; None where their texels are not at the same places."""
-        if not isinstance(opacity, ImageTexture):
-            return self._times(place, image, np.float32(opacity))
-        same = image.pixels.shape[:2] == opacity.pixels.shape[:2]
-        same &= (image.to_uv, image.wrap, image.filter) == (opacity.to_uv, opacity.wrap, opacity.filter)
-        return self._times(place, image, opacity.pixels) if same else None
-
-    def colored(self, place: Located, image: ImageTexture, color: Triple) -> ImageTexture:
-        """An image of one channel times a colour."""
-        return self._times(place, image, np.array(color, np.float32))
-
-    def _times(self, place: Located, image: ImageTexture, factor: Any) -> ImageTexture:
-        self._count(place, image.pixels, 0)
-        return replace(image, pixels=read_only(np.ascontiguousarray(image.pixels * factor, np.float32)))
+    def times(self, place: Located, image: ImageTexture, factor: Any) -> ImageTexture:
+        """An image times a number, a colour, or as many pixels."""
+        self._count(place, image.pixels)
+        pixels = image.pixels * np.asarray(factor, np.float32)
+        return replace(image, pixels=read_only(np.ascontiguousarray(pixels)))
 
     def _texture(
         self, texture: Located, channel: str, srgb: bool, change: Change | None, to_uv: UVMatrix
@@ -86,7 +79,7 @@ class Textures:
         if change is not None:
             key = (file, channel, srgb, change.key)
             if key not in self.arrays:
-                self._count(place, pixels, 0)
+                self._count(place, pixels)
                 self.arrays[key] = read_only(np.ascontiguousarray(change.function(pixels), np.float32))
             pixels = self.arrays[key]
         wrap, how = self._sampler(texture)
@@ -111,13 +104,12 @@ class Textures:
         if bytes(data[:6]) == b"\xabKTX 2":
             raise image.refuse(NO_KTX)
         texels = self.images.read(name, bytes(data))
-        self._count(image, texels, len(data))
+        self._count(image, texels)
         return name, image
 
-    def _count(self, place: Located, pixels: NDArray[Any], size: int) -> None:
+    def _count(self, place: Located, pixels: NDArray[Any]) -> None:
         self.pixels += pixels.shape[0] * pixels.shape[1]
-        self.bytes += size
-        if self.pixels > max(MAX_PIXELS, PIXELS_PER_BYTE * self.bytes):
+        if self.pixels > max(MAX_PIXELS, PIXELS_PER_BYTE * self.document.held):
             raise place.refuse(f"with those before it has {self.pixels} pixels: more than are read of images of so few bytes")
 
     def _sampler(self, texture: Located) -> tuple[str, str]:
@@ -134,19 +126,13 @@ class Textures:
         return WRAPS[s], "nearest" if integer(sampler, "magFilter", 0) == NEAREST else "bilinear"
 
 
-def _transform(info: Located) -> UVMatrix:
-    """The matrix of KHR_texture_transform: scale, then rotation, counter-clockwise in the image, then offset."""
-    node = extension(info, "KHR_texture_transform")
+def placing(info: Located) -> tuple[int, UVMatrix]:
+    """Which set of texture coordinates a texture looks at, and the matrix of KHR_texture_transform: scale, then rotation,
+    counter-clockwise in the image, then offset."""
+    node, own = extension(mapping(info), "KHR_texture_transform"), integer(info, "texCoord", 0, most=1000)
     if node is None:
-        return IDENTITY
+        return own, IDENTITY
     (x, y), (u, v) = numbers(node, "offset", (0.0, 0.0)), numbers(node, "scale", (1.0, 1.0))
     angle = number(node, "rotation", 0.0)
     cos, sin = math.cos(angle), math.sin(angle)
-    return cos * u, sin * v, x, -sin * u, cos * v, y
-
-
-def uv_set(info: Located) -> int:
-    """Which set of texture coordinates a texture looks at."""
-    node = extension(mapping(info), "KHR_texture_transform")
-    own = integer(info, "texCoord", 0, most=1000)
-    return own if node is None else integer(node, "texCoord", own, most=1000)
+    return integer(node, "texCoord", own, most=1000), (cos * u, sin * v, x, -sin * u, cos * v, y)

@@ -13,52 +13,22 @@ from engines.errors import suggestion
 from engines.scene.bsdf import MAX_DEPTH, Bsdf, Sides
 from engines.scene.context import SceneReader
 from engines.scene.files import Place
+from engines.scene.frames import LARGEST, Matrix
 from engines.scene.materials import Material
 from engines.scene.mitsuba_xml.document import Element
 from engines.scene.mitsuba_xml.properties import Plugin
-from engines.scene.mitsuba_xml.transforms import Matrix
 from engines.scene.models import Diffuse
+from engines.scene.notes import Notes
 from engines.scene.shapes import Shape, check_area
 from engines.scene.textures import Color
 from engines.scene.triple import BLACK
-
-MAX_NAMED = 5
-"""Names or lines that a note lists."""
-
-
-@dataclass(slots=True)
-class Notes:
-    """Notes by what they say, each with the lines that it is about, and names of what is dropped."""
-
-    lines: dict[str, dict[str, None]] = field(default_factory=dict)
-    dropped: dict[str, None] = field(default_factory=dict)
-    main: str = ""
-
-    def add(self, text: str, element: Element) -> None:
-        """A note about an element."""
-        own = element.source.name == self.main
-        where = f"line {element.line}" if own else f"{element.source.name}:{element.line}"
-        self.lines.setdefault(text, {})[where] = None
-
-    def drop(self, what: str) -> None:
-        """Counts something that does not change the expected image."""
-        self.dropped[what] = None
-
-    def sentences(self) -> Iterator[str]:
-        """Every note once."""
-        for text, lines in self.lines.items():
-            more = f" and {len(lines) - MAX_NAMED} more" if len(lines) > MAX_NAMED else ""
-            yield f"{', '.join(list(lines)[:MAX_NAMED])}{more}: {text}"
-        if self.dropped:
-            yield f"dropped, as the expected image does not depend on them: {', '.join(self.dropped)}"
 
 
 @dataclass(slots=True)
 class Importer:
     """The state of importing one scene. `built` are results by the plugin (its identity) and how it was asked for; `one_sided`
-    are names of BSDFs that are black from behind; `emitting` are the shapes of area emitters, `names` of materials with how
-    often each was asked for. `outer` is the `to_world` of the instance whose copies are being made, and `copied` counts the
-    primitives of all."""
+    are names of BSDFs that are black from behind; `emitting` are the shapes of area emitters. `outer` is the `to_world` of the
+    instance whose copies are being made, and `copied` counts the primitives of all."""
 
     reader: SceneReader
     ids: dict[str, Plugin]
@@ -67,7 +37,6 @@ class Importer:
     building: list[Plugin] = field(default_factory=list)
     one_sided: dict[str, None] = field(default_factory=dict)
     emitting: dict[int, Plugin] = field(default_factory=dict)
-    names: dict[str, int] = field(default_factory=dict)
     outer: Matrix | None = None
     copied: int = 0
 
@@ -136,17 +105,8 @@ class Importer:
             bsdf = None
         key = ("material", bsdf, radiance)
         if key not in self.built:
-            self.built[key] = self.reader.table.add(Material(self._unique(name), emission=radiance, bsdf=bsdf))
+            self.built[key] = self.reader.table.add_named(Material(name, emission=radiance, bsdf=bsdf))
         return self.built[key]
-
-    def _unique(self, name: str) -> str:
-        """The name, with a number that makes it one of its own."""
-        unique = name
-        while unique in self.names:
-            self.names[name] += 1
-            unique = f"{name}_{self.names[name]}"
-        self.names[unique] = 1
-        return unique
 
     def claim(self, emitter: Plugin, shape: Plugin) -> None:
         """Says that an emitter is that of a shape. Raises `SceneError` where it has one: Mitsuba allows one shape."""
@@ -161,8 +121,8 @@ class Importer:
 
     def check_finite(self, plugin: Plugin, vertices: NDArray[np.float64]) -> None:
         """Raises `SceneError` where a transform has led out of the range of numbers."""
-        if not (np.abs(vertices) < 1e30).all():
-            raise plugin.refuse("vertices must lie within 1e30 of the origin")
+        if not (np.abs(vertices) < LARGEST).all():
+            raise plugin.refuse(f"vertices must lie within {LARGEST:g} of the origin")
 
     def check_area(self, plugin: Plugin, shape: Shape) -> None:
         """Counts triangles without area; raises `SceneError` where they are all of what emits."""

@@ -67,6 +67,11 @@ class Element:
         named = "".join(f" {key}={_short(self.attributes[key])}" for key in ("type", "name", "id") if key in self.attributes)
         return f"{self.source.name}:{self.line} <{self.tag[:MAX_SHOWN]}{named}>"
 
+    def line_within(self, main: str) -> str:
+        """What notes call the element of a scene whose `main` file this is."""
+        own = self.source.name == main
+        return f"line {self.line}" if own else f"{self.source.name}:{self.line}"
+
     def refuse(self, expected: str) -> SceneError:
         """The error to raise about this element."""
         return SceneError(f"{self.where}: {expected}")

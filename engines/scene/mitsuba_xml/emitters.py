@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from engines.scene.frames import nearest_orthogonal
 from engines.scene.geometry import read_only
 from engines.scene.lights import DirectionalLight, EnvironmentLight, Light, PointLight, SpotLight, without_negative
 from engines.scene.mitsuba_xml.colors import EMISSION, color
@@ -13,7 +14,7 @@ from engines.scene.mitsuba_xml.context import Importer
 from engines.scene.mitsuba_xml.properties import Plugin
 from engines.scene.mitsuba_xml.sky import baked
 from engines.scene.mitsuba_xml.textures import color_or_texture, texture
-from engines.scene.mitsuba_xml.transforms import nearest_orthogonal, similarity
+from engines.scene.mitsuba_xml.transforms import similarity
 from engines.scene.textures import Color
 from engines.scene.triple import WHITE, Triple, triple
 from engines.schema.fields import unit

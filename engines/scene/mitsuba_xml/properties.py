@@ -13,8 +13,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from engines.errors import SceneError, suggestion
+from engines.scene.frames import Matrix
 from engines.scene.mitsuba_xml.document import Element
-from engines.scene.mitsuba_xml.transforms import Matrix, matrix, number, numbers
+from engines.scene.mitsuba_xml.transforms import matrix, number, numbers
 from engines.scene.triple import Triple, triple
 
 PLUGIN_TAGS = (

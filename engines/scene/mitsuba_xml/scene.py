@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.scene.cameras import Camera, CustomCamera, Orthographic, Perspective, PerspectiveArctan, ThinLens
-from engines.scene.content import content_hash
 from engines.scene.context import SceneReader
 from engines.scene.lights import EnvironmentLight, Light
 from engines.scene.mesh import Mesh
-from engines.scene.mitsuba_xml.context import MAX_NAMED, Importer, Notes
+from engines.scene.mitsuba_xml.context import Importer
 from engines.scene.mitsuba_xml.document import Document, Element
 from engines.scene.mitsuba_xml.emitters import light
 from engines.scene.mitsuba_xml.groups import shapes
@@ -22,7 +21,8 @@ from engines.scene.mitsuba_xml.integrators import shader
 from engines.scene.mitsuba_xml.properties import Plugin, plugin_tree
 from engines.scene.mitsuba_xml.sensors import camera
 from engines.scene.mitsuba_xml.transforms import has_odd_axis
-from engines.scene.scene import Scene, check_attributes, scene_warnings
+from engines.scene.notes import Notes, enumeration
+from engines.scene.scene import Scene, assembled
 from engines.scene.shapes import Shape
 
 CLIP_REACH = 4.0
@@ -40,7 +40,7 @@ def import_scene(document: Document) -> Scene:
     tree = plugin_tree(root, ids)
     name = file.resolve().parent.name if file.stem == "scene" else file.stem
     reader = SceneReader(document.place, name, str(file))
-    importer = Importer(reader, ids, Notes(main=str(file)))
+    importer = Importer(reader, ids, Notes(lambda element: element.line_within(str(file))))
     _note_axes(importer, root)
     seen = _camera(importer, tree)
     lights = _lights(importer, tree)
@@ -51,19 +51,7 @@ def import_scene(document: Document) -> Scene:
     _finish(importer, tree)
     reader.warnings += importer.notes.sentences()
     seen = _unclipped(seen, all_shapes)
-    check_attributes(reader, all_shapes)
-    materials = reader.table.materials
-    return Scene(
-        name=name,
-        camera=seen,
-        materials=tuple(materials),
-        shapes=tuple(all_shapes),
-        lights=tuple(lights),
-        content_hash=content_hash(seen, materials, all_shapes, lights),
-        source=str(file),
-        warnings=tuple(scene_warnings(reader, all_shapes, lights)),
-        shader=suggested,
-    )
+    return assembled(reader, name, seen, all_shapes, lights, suggested)
 
 
 def _note_axes(importer: Importer, element: Element) -> None:
@@ -117,10 +105,8 @@ def _finish(importer: Importer, tree: Plugin) -> None:
     tree.read.add("embree_use_robust_intersections")
     importer.finish(tree)
     if importer.one_sided:
-        names = list(importer.one_sided)
-        more = f" and {len(names) - MAX_NAMED} more" if len(names) > MAX_NAMED else ""
-        listed = ", ".join(names[:MAX_NAMED])
-        importer.reader.warnings.append(f"black from behind, as they are outside of twosided: {listed}{more}")
+        named = enumeration(importer.one_sided)
+        importer.reader.warnings.append(f"black from behind, as they are outside of twosided: {named}")
 
 
 # ---- clipping planes -------------------------------------------------------------------------------------------------

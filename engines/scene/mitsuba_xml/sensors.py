@@ -9,9 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from engines.scene.cameras import LARGEST_SIDE, MOST_SHIFT, Camera, Orthographic, Perspective, ThinLens
+from engines.scene.frames import Matrix
 from engines.scene.mitsuba_xml.context import Importer
 from engines.scene.mitsuba_xml.properties import Plugin
-from engines.scene.mitsuba_xml.transforms import RIGID, Matrix, similarity
+from engines.scene.mitsuba_xml.transforms import RIGID, similarity
 from engines.scene.triple import triple
 
 NEAR, FAR = 1e-2, 1e4

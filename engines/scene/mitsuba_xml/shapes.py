@@ -13,7 +13,7 @@ from engines.scene.attributes import Attributes, of_copies
 from engines.scene.bsdf import Bsdf, Sides
 from engines.scene.bsdf_tree import anisotropic, attributes, is_textured, leaves
 from engines.scene.formats.mesh import MeshData, read_mesh_file
-from engines.scene.frames import mitsuba_frame
+from engines.scene.frames import Matrix, cofactors, mirrored, mitsuba_frame, placed
 from engines.scene.geometry import angle_weighted_normals, unit_rows, with_face_normals
 from engines.scene.mesh import Mesh, faceted, read_only_mesh
 from engines.scene.mitsuba_xml.bsdfs import bsdf, turned
@@ -21,7 +21,7 @@ from engines.scene.mitsuba_xml.context import Importer
 from engines.scene.mitsuba_xml.document import Element
 from engines.scene.mitsuba_xml.emitters import area_radiance
 from engines.scene.mitsuba_xml.properties import Plugin
-from engines.scene.mitsuba_xml.transforms import Matrix, cofactors, mirrored, placed, similarity
+from engines.scene.mitsuba_xml.transforms import similarity
 from engines.scene.models import Diffuse
 from engines.scene.shapes import PART, Cylinder, Disk, Shape, Sphere
 from engines.scene.tessellate import Triangles

@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.packages import install_extra
+from engines.scene.frames import nearest_orthogonal
 from engines.scene.mitsuba_xml.colors import REFLECTANCE, color
 from engines.scene.mitsuba_xml.context import Importer
 from engines.scene.mitsuba_xml.properties import Plugin
-from engines.scene.mitsuba_xml.transforms import nearest_orthogonal, similarity
+from engines.scene.mitsuba_xml.transforms import similarity
 
 SECONDS = 120.0
 NUMBERS = {

@@ -9,11 +9,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene.frames import look_at
+from engines.scene.frames import LARGEST, Matrix, look_at
 from engines.scene.mitsuba_xml.document import Element
-
-Matrix = NDArray[np.float64]
-"""(4, 4), or (3, 3) for its linear part."""
 
 UNIT = 1e-5
 """By how much the length of an axis may differ from 1: it is written with few digits."""
@@ -52,7 +49,7 @@ def matrix(element: Element) -> Matrix:
             raise child.refuse(f"unknown transform: known: {', '.join(_STEPS)}")
         with np.errstate(over="ignore", invalid="ignore"):
             product = make(child) @ product
-        if not (np.abs(product) < 1e30).all():
+        if not (np.abs(product) < LARGEST).all():
             raise child.refuse("the transform leaves the range of numbers")
     return product
 
@@ -139,25 +136,3 @@ def similarity(linear: Matrix) -> float | None:
         return None
     gram = linear.T @ linear / scale**2
     return scale if np.abs(gram - np.eye(3)).max() <= RIGID else None
-
-
-def nearest_orthogonal(linear: Matrix) -> Matrix:
-    """The orthogonal matrix nearest to a linear part that `similarity` accepts."""
-    left, _, right = np.linalg.svd(linear)
-    return left @ right
-
-
-def cofactors(linear: Matrix) -> Matrix:
-    """det(A) A^-T, for normals, also where A has no inverse. Times the sign of det(A) it keeps their side."""
-    a, b, c = linear.T
-    return np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
-
-
-def placed(to_world: Matrix, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(n, 3) points of the scene."""
-    return points @ to_world[:3, :3].T + to_world[:3, 3]
-
-
-def mirrored(to_world: Matrix) -> bool:
-    """Whether a transform exchanges left and right."""
-    return bool(np.linalg.det(to_world[:3, :3]) < 0.0)
