@@ -13,6 +13,7 @@ TRIANGLE = {"triangle": {"a": [0, 0, 0], "b": [1, 0, 0], "c": [0, 1, 0]}, "mater
 PARTS = {
     "disk": {"shapes": [TRIANGLE, {"disk": {"center": [0, 0, 0], "normal": [0, 0, 1], "radius": 1}, "material": "grey"}]},
     "spot": {"lights": [{"spot": {"position": [0, 3, 0], "target": [0, 0, 0], "intensity": 1}}]},
+    "medium": {"media": {"fog": {"sigma_t": 1, "albedo": 0.5}}, "shapes": [{**TRIANGLE, "interior": "fog"}]},
     "conductor": {"materials": {"grey": {"conductor": {"metal": "Au", "alpha": 0.2}}}},
 }
 

@@ -44,8 +44,8 @@ def content_hash(
     media: Sequence[HomogeneousMedium] = (),
 ) -> str:
     """sha256, in hexadecimal, over the camera without its resolution, the shapes in order with their materials by
-    value, and the lights in order. Materials and media that nothing uses do not count, and neither do a mesh's texture coordinates
-    and attributes where none of its materials looks at them."""
+    value, and the lights in order. Materials and media that nothing uses do not count, and neither
+    do a mesh's texture coordinates and attributes where none of its materials looks at them."""
     digest = hashlib.sha256(VERSION)
     _feed(digest, _camera(camera))
     if (medium := getattr(camera, "medium", None)) is not None:

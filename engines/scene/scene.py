@@ -1,8 +1,9 @@
 """The scene as a whole: what engines get, and the keys of a scene file with its JSON schema. The format: docs/guides/scene.md.
 
-Right-handed, metres, linear RGB. A `Triple` is three floats. Shapes and lights name materials by index into
-`Scene.materials`, shapes and cameras media by index into `Scene.media`. The arrays are read-only float64/int32. Everything in a scene has been checked by the loader
-(`engines.scene.load`): engines may rely on finite numbers, unit plane normals and valid indices.
+Right-handed, metres, linear RGB. A `Triple` is three floats. Shapes name materials by index into
+`Scene.materials`, and as cameras do media by index into `Scene.media`. The arrays are read-only float64/int32. Everything in a
+scene has been checked by the loader (`engines.scene.load`): engines may rely on finite numbers, unit plane normals and valid
+indices.
 """
 
 from __future__ import annotations

@@ -177,8 +177,10 @@ def as_spheres(shape: Shape) -> SphereSet | None:
 
 
 _MEDIUM = {
-    "interior": Key(NAMED_MEDIUM, "Name of the medium behind the shape; without it, vacuum, if the shape has an exterior.", None),
-    "exterior": Key(NAMED_MEDIUM, "Name of the medium in front of the shape; without it, vacuum, if it has an interior.", None),
+    "interior": Key(NAMED_MEDIUM, "Name of the medium behind the shape; without it, vacuum if there is an exterior.", None),
+    "exterior": Key(
+        NAMED_MEDIUM, "Name of the medium in front of the shape; without it, vacuum if there is an interior.", None
+    ),
 }
 SHAPES = Variants(
     "shape",
