@@ -78,7 +78,7 @@ def test_what_reaches_a_surface_and_what_is_scattered_before_have_the_right_mean
 
 def test_the_sum_of_channels_never_grows():
     for distance in (0.1, 1.0, 30.0, math.inf):
-        flight, after, before = fly((0.01, 2.0, 50.0), (0.3, 1.0, 2.0), distance)
+        _, after, before = fly((0.01, 2.0, 50.0), (0.3, 1.0, 2.0), distance)
         assert np.isfinite(after).all()
         assert (after.sum(axis=0) <= before.sum(axis=0) * (1.0 + 1e-12)).all()
 
