@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from engines.scene.cameras import LARGEST_SIDE, Camera, Orthographic, Perspective, ThinLens
 from engines.scene.mitsuba_xml.context import Importer
+from engines.scene.mitsuba_xml.media import medium_around
 from engines.scene.mitsuba_xml.properties import Plugin
 from engines.scene.mitsuba_xml.transforms import RIGID, Matrix, similarity
 from engines.scene.triple import triple
@@ -51,9 +53,7 @@ def camera(importer: Importer, plugin: Plugin) -> Camera:
     for sampler in importer.taken(plugin, "sampler"):
         importer.notes.drop(f"sampler {sampler.type}")
     size = _film(importer, plugin)
-    for medium in importer.taken(plugin, "medium"):
-        raise medium.refuse("media are not supported")
-    made = make(importer, plugin, size)
+    made = replace(make(importer, plugin, size), **medium_around(importer, plugin))
     plugin.read.update(HARMLESS_SENSOR)
     importer.finish(plugin)
     return made
