@@ -129,8 +129,8 @@ def test_surfaces_that_light_passes_and_emitters_that_hide_agree_with_the_refere
 
 
 def _media():
-    """A coloured ball and a masked pane in fog around the camera, over a floor, under a lamp and the sky. Light of a point in fog
-    has a variance without bound."""
+    """A coloured ball and a masked pane in fog around the camera, over a floor, under a lamp and the sky. The light of a
+    point in fog has a variance without bound."""
     scene = _panes()
     scene["lights"] = scene["lights"][1:]
     scene["camera"] |= {"medium": "fog"}
