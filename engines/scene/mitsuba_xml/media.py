@@ -86,7 +86,7 @@ def _coefficient(importer: Importer, plugin: Plugin, name: str, default: float, 
         importer.finish(nested)
         return found
     element = plugin.spectrum(name)
-    return (default,) * 3 if element is None else color(element, role)
+    return (default, default, default) if element is None else color(element, role)
 
 
 def _asymmetry(importer: Importer, plugin: Plugin) -> float:
