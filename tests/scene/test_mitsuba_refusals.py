@@ -73,8 +73,11 @@ WRONG = {
         ),
         ["no.png", "no such file"],
     ),
-    "medium": (shape_with('<medium name="interior" type="homogeneous"/>'), ["media"]),
-    "medium by reference": ('<medium id="fog" type="homogeneous"/>' + shape_with('<ref name="interior" id="fog"/>'), ["media"]),
+    "medium": (shape_with('<medium name="interior" type="heterogeneous"/>'), ["media", "homogeneous"]),
+    "medium by reference": (
+        '<medium id="fog" type="heterogeneous"/>' + shape_with('<ref name="interior" id="fog"/>'),
+        ["media"],
+    ),
     "subsurface": (shape_with('<subsurface type="dipole"/>'), ["below the surface"]),
     "instance": ('<shape type="instance"/>', ["a shapegroup"]),
     "two environments": (LAMP + '<emitter type="constant"/>\n<emitter type="constant"/>', ["s.xml:3", "second environment"]),

@@ -14,6 +14,7 @@ from engines.scene.bsdf import MAX_DEPTH, Bsdf, Sides
 from engines.scene.context import SceneReader
 from engines.scene.files import Place
 from engines.scene.materials import Material
+from engines.scene.media import HomogeneousMedium
 from engines.scene.mitsuba_xml.document import Element
 from engines.scene.mitsuba_xml.properties import Plugin
 from engines.scene.mitsuba_xml.transforms import Matrix
@@ -57,8 +58,8 @@ class Notes:
 class Importer:
     """The state of importing one scene. `built` are results by the plugin (its identity) and how it was asked for; `one_sided`
     are names of BSDFs that are black from behind; `emitting` are the shapes of area emitters, `names` of materials with how
-    often each was asked for. `outer` is the `to_world` of the instance whose copies are being made, and `copied` counts the
-    primitives of all."""
+    often each was asked for, `media` those of shapes and of the sensor. `outer` is the `to_world` of the instance whose copies
+    are being made, and `copied` counts the primitives of all."""
 
     reader: SceneReader
     ids: dict[str, Plugin]
@@ -68,6 +69,7 @@ class Importer:
     one_sided: dict[str, None] = field(default_factory=dict)
     emitting: dict[int, Plugin] = field(default_factory=dict)
     names: dict[str, int] = field(default_factory=dict)
+    media: list[HomogeneousMedium] = field(default_factory=list)
     outer: Matrix | None = None
     copied: int = 0
 

@@ -51,6 +51,7 @@ def import_scene(document: Document) -> Scene:
     _finish(importer, tree)
     reader.warnings += importer.notes.sentences()
     seen = _unclipped(seen, all_shapes)
+    media = tuple(importer.media)
     check_attributes(reader, all_shapes)
     materials = reader.table.materials
     return Scene(
@@ -59,10 +60,11 @@ def import_scene(document: Document) -> Scene:
         materials=tuple(materials),
         shapes=tuple(all_shapes),
         lights=tuple(lights),
-        content_hash=content_hash(seen, materials, all_shapes, lights),
+        content_hash=content_hash(seen, materials, all_shapes, lights, media),
         source=str(file),
         warnings=tuple(scene_warnings(reader, all_shapes, lights)),
         shader=suggested,
+        media=media,
     )
 
 
@@ -127,8 +129,9 @@ def _finish(importer: Importer, tree: Plugin) -> None:
 
 
 def _unclipped(seen: Camera, scene_shapes: list[Shape]) -> Camera:
-    """The camera without clipping planes that cannot clip anything: rays that need not be clipped are cheaper."""
-    if isinstance(seen, CustomCamera | PerspectiveArctan):
+    """The camera without clipping planes that cannot clip anything: rays that need not be clipped are cheaper. In a
+    medium rays start at the near plane."""
+    if isinstance(seen, CustomCamera | PerspectiveArctan) or seen.medium is not None:
         return seen
     near, far = seen.clip
     eye, axis = np.array(seen.eye), np.subtract(seen.target, seen.eye)

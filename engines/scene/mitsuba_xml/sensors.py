@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from engines.scene.cameras import LARGEST_SIDE, MOST_SHIFT, Camera, Orthographic, Perspective, ThinLens
 from engines.scene.mitsuba_xml.context import Importer
+from engines.scene.mitsuba_xml.media import medium_around
 from engines.scene.mitsuba_xml.properties import Plugin
 from engines.scene.mitsuba_xml.transforms import RIGID, Matrix, similarity
 from engines.scene.triple import triple
@@ -70,9 +72,7 @@ def camera(importer: Importer, plugin: Plugin) -> Camera:
     for sampler in importer.taken(plugin, "sampler"):
         importer.notes.drop(f"sampler {sampler.type}")
     film = _film(importer, plugin)
-    for medium in importer.taken(plugin, "medium"):
-        raise medium.refuse("media are not supported")
-    made = make(importer, plugin, film)
+    made = replace(make(importer, plugin, film), **medium_around(importer, plugin))
     plugin.read.update(HARMLESS_SENSOR)
     importer.finish(plugin)
     return made
