@@ -29,7 +29,7 @@ _TAGS = {
     "texture": ("bitmap", "checkerboard", "mesh_attribute"),
     "bsdf": (*_LEAVES, "twosided", "mask", "blendbsdf", "bumpmap", "normalmap"),
     "shape": ("disk", "sphere", "cylinder", "ply"),
-    "emitter": ("area", "point", "spot", "directional", "constant", "envmap"),
+    "emitter": ("area", "point", "spot", "projector", "directional", "constant", "envmap"),
 }
 _TAG_OF = {kind: tag for tag, kinds in _TAGS.items() for kind in kinds}
 

@@ -8,34 +8,71 @@ from typing import Any
 import numpy as np
 
 from engines.peers.mitsuba.nodes import Array, Node, Placing, rgb
-from engines.scene import DirectionalLight, EnvironmentLight, Light, PointLight, SpotLight
-from engines.scene.frames import facing
+from engines.peers.mitsuba.textures import Textures
+from engines.scene import DirectionalLight, EnvironmentLight, ImageTexture, Light, PointLight, ProjectorLight, Scene, SpotLight
+from engines.scene.frames import facing, look_at
+from engines.scene.textures import tinted
+from engines.scene.triple import product, triple
 
 
-def light_node(light: Light, placing: Placing) -> Node:
+def light_node(light: Light, placing: Placing, textures: Textures) -> Node:
     """A light of the scene's list, of a type in `LIGHTS`; images of skies go where `placing` says."""
-    return LIGHTS[type(light)](light, placing)
+    return LIGHTS[type(light)](light, placing, textures)
 
 
-def _point(light: PointLight, placing: Placing) -> Node:
+def _point(light: PointLight, placing: Placing, textures: Textures) -> Node:
     return {"type": "point", "position": list(light.position), "intensity": rgb(light.intensity)}
 
 
-def _directional(light: DirectionalLight, placing: Placing) -> Node:
+def _directional(light: DirectionalLight, placing: Placing, textures: Textures) -> Node:
     return {"type": "directional", "direction": list(light.direction), "irradiance": rgb(light.irradiance)}
 
 
-def _spot(light: SpotLight, placing: Placing) -> Node:
-    return {
+def _spot(light: SpotLight, placing: Placing, textures: Textures) -> Node:
+    """A texture stands on its head there."""
+    node: Node = {
         "type": "spot",
         "to_world": facing(light.position, light.direction, 1.0),
         "intensity": rgb(light.intensity),
         "cutoff_angle": light.cutoff,
         "beam_width": light.beam_width,
     }
+    if light.texture is not None:
+        node |= {"to_world": _framed(light, np.negative(light.up)), "texture": textures.color(light.texture)}
+    return node
 
 
-def _environment(light: EnvironmentLight, placing: Placing) -> Node:
+def _projector(light: ProjectorLight, placing: Placing, textures: Textures) -> Node:
+    """Its scale is a number, and lacks a factor of pi; a coloured irradiance tints the image."""
+    texture, scale = light.texture, max(light.irradiance)
+    if min(light.irradiance) < scale:
+        texture = tinted(texture, triple(product(light.irradiance, 1.0 / scale)))
+    return {
+        "type": "projector",
+        "to_world": _framed(light, light.up),
+        "irradiance": textures.color(texture),
+        "scale": scale / np.pi,
+        "fov": light.fov,
+        "fov_axis": light.fov_axis,
+    }
+
+
+def _framed(light: SpotLight | ProjectorLight, up: Any) -> Array:
+    """(4, 4) light to world."""
+    matrix = look_at((0.0, 0.0, 0.0), light.direction, up)
+    matrix[:3, 3] = light.position
+    return matrix
+
+
+def lights_lack(scene: Scene) -> str | None:
+    """One sentence where the image of a projector has a single row or column, which Mitsuba doubles, or None."""
+    images = (light.texture for light in scene.lights if isinstance(light, ProjectorLight))
+    sides = (image.pixels.shape[:2] for image in images if isinstance(image, ImageTexture))
+    single = any(1 in (height, width) and height != width for height, width in sides)
+    return "Mitsuba projects no images of a single row or column" if single else None
+
+
+def _environment(light: EnvironmentLight, placing: Placing, textures: Textures) -> Node:
     if light.image is None:
         return {"type": "constant", "radiance": rgb(light.radiance)}
     rotation = np.eye(4)
@@ -45,10 +82,11 @@ def _environment(light: EnvironmentLight, placing: Placing) -> Node:
     return {"type": "envmap", **placing.image("sky", image), "to_world": rotation}
 
 
-LIGHTS: dict[type, Callable[[Any, Placing], Node]] = {
+LIGHTS: dict[type, Callable[[Any, Placing, Textures], Node]] = {
     PointLight: _point,
     DirectionalLight: _directional,
     SpotLight: _spot,
+    ProjectorLight: _projector,
     EnvironmentLight: _environment,
 }
 
