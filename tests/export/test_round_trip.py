@@ -53,7 +53,7 @@ def through(**camera):
 
 
 def lit_by(light):
-    return seen(textures={"t": IMAGE | {"to_uv": [[1.2, 0.5, 0.1], [-0.4, 0.9, 0.7]]}}, lights=[light])
+    return seen(textures={"t": IMAGE | {"filter": "bilinear", "to_uv": [[1.2, 0.5, 0.1], [-0.4, 0.9, 0.7]]}}, lights=[light])
 
 
 FLAT = {"type": "orthographic", "height": 2.5}
@@ -92,7 +92,7 @@ SCENES = {
         {"spot": {"position": [0.1, 0.2, 2], "target": [0, 0, 0], "intensity": 4, "cutoff": 20, "texture": "t"}}
     ),
     "projector": lit_by(
-        {"projector": {"position": [0.1, 0.2, 2], "target": [0, 0, 0], "irradiance": [4, 5, 6], "fov": 30, "texture": "t"}}
+        {"projector": {"position": [0.1, 0.2, 2], "target": [0, 0, 0], "irradiance": [4, 5, 6], "fov": 40, "texture": "t"}}
     ),
     "mirrored camera": through(mirror=True, fov_axis="x"),
     "shifted camera": through(principal_point=[0.1, -0.2]),

@@ -33,7 +33,6 @@ from engines.scene import (
     Texture,
     Triangle,
 )
-from engines.scene.frames import look_at
 from engines.scene.support import option_numbers
 
 POINT, DIRECTIONAL, CONSTANT_ENVIRONMENT, IMAGE_ENVIRONMENT, MESH, SPHERE, DISK, SPOT, CYLINDER, PROJECTOR = range(10)
@@ -128,9 +127,11 @@ def frame_rows(lights: Sequence[Light], texture: Callable[[Texture], int]) -> li
 def _frame(light: Light, texture: Callable[[Texture], int]) -> list[float]:
     if not isinstance(light, SpotLight | ProjectorLight) or light.texture is None:
         return LightFrameRow.packed(texture=NONE)
-    left, up, axis = look_at((0.0, 0.0, 0.0), light.direction, light.up)[:3, :3].T
-    x, y = light.half_extents
-    return LightFrameRow.packed(texture=texture(light.texture), axis=axis, across=-left / (2.0 * x), down=-up / (2.0 * y))
+    right = np.cross(light.direction, light.up)
+    right /= np.linalg.norm(right)
+    down, (x, y) = np.cross(light.direction, right), light.half_extents
+    frame = {"axis": light.direction, "across": right / (2.0 * x), "down": down / (2.0 * y)}
+    return LightFrameRow.packed(texture=texture(light.texture), **frame)
 
 
 class LightList:
