@@ -276,6 +276,9 @@ def test_others_decline_them(light, tmp_path):
         assert said is not None and ("Light" in said or "no lights that project textures" in said)
 
 
-def test_an_image_of_a_single_row_is_not_written_for_mitsuba(tmp_path):
-    with pytest.raises(Unsupported, match="single row or column"):
-        export(scene(projector(texture=ImageTexture(QUARTERS[:1]))), "mitsuba", tmp_path / "scene.xml")
+@pytest.mark.parametrize(
+    ("texels", "words"), [(QUARTERS[:1], "single row or column"), (-QUARTERS, "negative texels")], ids=["row", "negative"]
+)
+def test_what_mitsuba_shows_in_another_way_is_not_written_for_it(texels, words, tmp_path):
+    with pytest.raises(Unsupported, match=words):
+        export(scene(projector(texture=ImageTexture(texels))), "mitsuba", tmp_path / "scene.xml")

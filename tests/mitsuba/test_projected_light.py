@@ -5,11 +5,12 @@ import numpy as np
 import pytest
 
 import engines
+from engines import Settings
 from engines.image import write_image
 from engines.peers.export import export
-from engines.scene import Checkerboard, ImageTexture, Plane, ProjectorLight, SpotLight
+from engines.scene import Checkerboard, ImageTexture, Perspective, Plane, ProjectorLight, SpotLight
 from tests.mitsuba.peer import mi
-from tests.needs import needs
+from tests.needs import marks_of, needs
 from tests.numpy_reference.small_scenes import path_tracer, renderer, scene
 from tests.scene.mitsuba_files import SENSOR, written
 
@@ -94,11 +95,13 @@ def test_an_imported_light_shines_as_in_mitsuba(name, tmp_path):
 
 DIRECTION = tuple(np.divide((-0.6, -2.0, -2.8), np.linalg.norm((-0.6, -2.0, -2.8))).tolist())
 IMAGE = ImageTexture(TEXELS, wrap="clamp", to_uv=(0.8, -0.6, 0.17, 0.6, 0.8, -0.31))
+BOARD = Checkerboard((3.0, 2.0, 1.0), (0.0, 0.5, 0.5))
 WRITTEN = {
+    "spot, checkerboard": SpotLight((1.0, 2.0, 3.0), DIRECTION, (1.0, 2.0, 3.0), 30.0, 25.0, BOARD, (0.0, 0.6, 0.8)),
     "spot": SpotLight((1.0, 2.0, 3.0), DIRECTION, (1.0, 2.0, 3.0), 30.0, 25.0, IMAGE, (0.0, 0.6, 0.8)),
     "projector": ProjectorLight((1.0, 2.0, 3.0), DIRECTION, (1.0, 0.0, 0.0), (2.0, 2.0, 2.0), IMAGE, 40.0, "y"),
     "coloured": ProjectorLight((1.0, 2.0, 3.0), DIRECTION, (0.0, 1.0, 0.0), (0.0, 4.0, 2.0), IMAGE, 60.0, "x"),
-    "checkerboard": ProjectorLight((1.0, 2.0, 3.0), DIRECTION, (0.0, 1.0, 0.0), (0.0, 4.0, 2.0), Checkerboard(), 60.0, "x"),
+    "checkerboard": ProjectorLight((1.0, 2.0, 3.0), DIRECTION, (0.0, 1.0, 0.0), (0.0, 4.0, 2.0), BOARD, 60.0, "x"),
     "black": ProjectorLight((1.0, 2.0, 3.0), DIRECTION, (0.0, 1.0, 0.0), (0.0, 0.0, 0.0), IMAGE, 60.0, "x"),
 }
 
@@ -127,3 +130,18 @@ def test_mitsuba_renders_a_file_as_raybench_does(name, tmp_path):
     ours = renderer(engines.load_scene(file), shader=path_tracer(), sampler="sobol", seed=4).render(256).mean()
     theirs = np.array(mi.render(mi.load_file(str(file)), spp=1024, seed=3))
     assert np.abs(ours - theirs).max() < 0.03 * theirs.max() and np.abs(ours.mean() / theirs.mean() - 1.0) < 0.004
+
+
+@pytest.mark.parametrize("engine", [pytest.param(name, marks=marks_of(name)) for name in ("mitsuba", "mitsuba_scalar")])
+@pytest.mark.parametrize("name", ["spot", "coloured"])
+def test_mitsubas_engines_show_the_light_as_numpy_does(name, engine):
+    camera = Perspective((1.0, 2.0, 3.0), (0.4, 0.0, 0.2), (0.0, 1.0, 0.0), 20.0, "y", (4, 4))
+    held, shader = scene([FLOOR], lights=[WRITTEN[name]], camera=camera), path_tracer()
+    theirs, ours = (
+        engines.engine(one)
+        .prepare(held, Settings(shader=shader, sampler="random", precision=precision, seed=1))
+        .render(256)
+        .mean()
+        for one, precision in ((engine, "float32"), ("numpy", "float64"))
+    )
+    assert np.abs(theirs - ours).max() < 0.04 * ours.max() and ours.min(axis=(0, 1))[2] > 0.0

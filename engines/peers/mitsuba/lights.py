@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from engines.peers.mitsuba.nodes import Array, Node, Placing, rgb
 from engines.peers.mitsuba.textures import Textures
 from engines.scene import DirectionalLight, EnvironmentLight, ImageTexture, Light, PointLight, ProjectorLight, Scene, SpotLight
 from engines.scene.frames import facing, look_at
-from engines.scene.textures import tinted
+from engines.scene.textures import UVTexture, tinted
 from engines.scene.triple import product, triple
 
 
@@ -38,23 +39,34 @@ def _spot(light: SpotLight, placing: Placing, textures: Textures) -> Node:
         "beam_width": light.beam_width,
     }
     if light.texture is not None:
-        node |= {"to_world": _framed(light, np.negative(light.up)), "texture": textures.color(light.texture)}
+        texture, factor = _held(light.texture)
+        node |= {"to_world": _framed(light, np.negative(light.up)), "texture": textures.color(texture)}
+        node["intensity"] = rgb(product(light.intensity, factor))
     return node
 
 
 def _projector(light: ProjectorLight, placing: Placing, textures: Textures) -> Node:
     """Its scale is a number, and lacks a factor of pi; a coloured irradiance tints the image."""
-    texture, scale = light.texture, max(light.irradiance)
+    texture, factor = _held(light.texture)
+    scale = max(light.irradiance)
     if min(light.irradiance) < scale:
-        texture = tinted(texture, triple(product(light.irradiance, 1.0 / scale)))
+        texture = tinted(texture, triple(np.divide(light.irradiance, scale)))
     return {
         "type": "projector",
         "to_world": _framed(light, light.up),
         "irradiance": textures.color(texture),
-        "scale": scale / np.pi,
+        "scale": scale * factor / np.pi,
         "fov": light.fov,
         "fov_axis": light.fov_axis,
     }
+
+
+def _held(texture: UVTexture) -> tuple[UVTexture, float]:
+    """The texture and its factor: in Mitsuba, no colour of a checkerboard is above 1."""
+    if isinstance(texture, ImageTexture):
+        return texture, 1.0
+    peak = max(1.0, *texture.a, *texture.b)
+    return replace(texture, a=product(texture.a, 1.0 / peak), b=product(texture.b, 1.0 / peak)), peak
 
 
 def _framed(light: SpotLight | ProjectorLight, up: Any) -> Array:
@@ -65,11 +77,17 @@ def _framed(light: SpotLight | ProjectorLight, up: Any) -> Array:
 
 
 def lights_lack(scene: Scene) -> str | None:
-    """One sentence where the image of a projector has a single row or column, which Mitsuba doubles, or None."""
-    images = (light.texture for light in scene.lights if isinstance(light, ProjectorLight))
-    sides = (image.pixels.shape[:2] for image in images if isinstance(image, ImageTexture))
-    single = any(1 in (height, width) and height != width for height, width in sides)
-    return "Mitsuba projects no images of a single row or column" if single else None
+    """One sentence on the first image of a light that Mitsuba would show in another way, or None."""
+    for light in scene.lights:
+        image = light.texture if isinstance(light, SpotLight | ProjectorLight) else None
+        if not isinstance(image, ImageTexture):
+            continue
+        if image.pixels.min() < 0.0:
+            return "Mitsuba's lights show no images with negative texels"
+        height, width = image.pixels.shape[:2]
+        if isinstance(light, ProjectorLight) and height != width and 1 in (height, width):
+            return "Mitsuba projects no images of a single row or column"
+    return None
 
 
 def _environment(light: EnvironmentLight, placing: Placing, textures: Textures) -> Node:
