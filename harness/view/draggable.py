@@ -11,7 +11,7 @@ import numpy as np
 from engines.scene import Cylinder, Disk, Mesh, PointLight, ProjectorLight, Scene, Shape, Sphere, SpotLight, Triangle
 from harness.view.projection import Vector
 
-PLACED = PointLight | SpotLight | ProjectorLight
+_PLACED = PointLight | SpotLight | ProjectorLight
 """Lights that stand at a point."""
 _KINDS = {PointLight: "point", SpotLight: "spot", ProjectorLight: "projector"}
 
@@ -54,7 +54,7 @@ def _shapes(scene: Scene) -> Iterator[Draggable]:
 
 def _lights(scene: Scene) -> Iterator[Draggable]:
     for index, light in enumerate(scene.lights):
-        if isinstance(light, PLACED):
+        if isinstance(light, _PLACED):
             kind = _KINDS[type(light)]
             yield Draggable(f"light:{index}", f"{kind} light {index + 1}", kind)
 
@@ -63,7 +63,7 @@ def center(scene: Scene, draggable: Draggable) -> Vector:
     """The centre of an object; for triangles and meshes that of the bounding box, for cylinders that of the axis."""
     if not draggable.is_shape:
         light = scene.lights[draggable.scene_index]
-        assert isinstance(light, PLACED)
+        assert isinstance(light, _PLACED)
         return np.array(light.position)
     shape = scene.shapes[draggable.scene_index]
     if isinstance(shape, (Sphere, Disk)):
@@ -84,7 +84,7 @@ def moved(scene: Scene, draggable: Draggable, offset: Vector) -> Scene:
         return replace(scene, shapes=tuple(shapes))
     lights = list(scene.lights)
     light = lights[draggable.scene_index]
-    assert isinstance(light, PLACED)
+    assert isinstance(light, _PLACED)
     lights[draggable.scene_index] = replace(light, position=_triple(np.array(light.position) + offset))
     return replace(scene, lights=tuple(lights))
 

@@ -114,7 +114,7 @@ class InteractiveScene:
         return None if place is None else (draggable, *place)
 
     def handles(self) -> list[dict[str, Any]]:
-        """Ids and pixel positions of the lights which are dragged by handles."""
+        """Ids and pixel positions of the lights that are dragged by handles."""
         if isinstance(self.scene.camera, CustomCamera):
             return []
         points = [draggable for draggable in self.draggables if not draggable.is_shape]

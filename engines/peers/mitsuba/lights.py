@@ -30,7 +30,7 @@ def _directional(light: DirectionalLight, placing: Placing, textures: Textures) 
 
 
 def _spot(light: SpotLight, placing: Placing, textures: Textures) -> Node:
-    """A texture stands on its head there."""
+    """Textures are upside down there."""
     node: Node = {
         "type": "spot",
         "to_world": facing(light.position, light.direction, 1.0),

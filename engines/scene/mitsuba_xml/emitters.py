@@ -96,7 +96,7 @@ def _spot(importer: Importer, plugin: Plugin) -> SpotLight:
     if cutoff >= 90.0:
         raise plugin.refuse_property("cutoff_angle", "must be below 90 degrees with a texture")
     axes, _ = _frame(plugin)
-    # the texture of a spot light stands on its head
+    # the texture of a spot light is upside down in Mitsuba
     shown = _shown(nested, texture(importer, nested), mirrored(matrix))
     return replace(made, direction=triple(axes[:, 2]), texture=shown, up=triple(-axes[:, 1]))
 
