@@ -203,9 +203,10 @@ _FILM = {
         unit="metres",
     ),
 }
+FOV_AXIS = one_of(("x", "y"), "fov_axis")
 _LENS = {
     "fov": Key(ANGLE, "Full angle of view.", 40, unit="degrees"),
-    "fov_axis": Key(one_of(("x", "y"), "fov_axis"), "Axis of the image along which fov is measured.", "y"),
+    "fov_axis": Key(FOV_AXIS, "Axis of the image along which fov is measured.", "y"),
 }
 CAMERAS = {
     "perspective": _camera(Perspective, "A pinhole camera.", **_LENS, **_FILM),

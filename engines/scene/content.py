@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.scene.cameras import Camera, CustomCamera, Orthographic, Perspective
-from engines.scene.lights import CustomLight, EnvironmentLight, Light
+from engines.scene.lights import CustomLight, EnvironmentLight, Light, SpotLight
 from engines.scene.materials import Material
 from engines.scene.media import HomogeneousMedium
 from engines.scene.mesh import Mesh
@@ -32,6 +32,7 @@ LATER = {
     Orthographic: _FILM | {"width"},
     EnvironmentLight: {"rotation", "rows"},
     Conductor: {"distribution"},
+    SpotLight: {"texture", "up"},
 }
 """Fields that came later: they count where they differ from their defaults, so that older scenes keep their hashes."""
 
@@ -124,7 +125,7 @@ def _fields(thing: Any, without: set[str]) -> list[Any]:
     for item in dataclasses.fields(thing):
         value = getattr(thing, item.name)
         if item.name in later:
-            values += [] if value == item.default else [(item.name, value)]
+            values += [] if value == item.default else [(item.name, _value(value))]
         elif item.name not in without:
             values.append(_value(value))
     return values

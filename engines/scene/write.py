@@ -19,7 +19,7 @@ from engines.scene.bsdf_tree import is_opaque
 from engines.scene.cameras import Camera, Orthographic, Perspective, PerspectiveArctan, ThinLens
 from engines.scene.formats.ply import write_ply
 from engines.scene.leaf_fields import LEAF_PLUGINS
-from engines.scene.lights import DirectionalLight, EnvironmentLight, Light, PointLight, SpotLight
+from engines.scene.lights import DirectionalLight, EnvironmentLight, Light, PointLight, ProjectorLight, SpotLight
 from engines.scene.materials import Material
 from engines.scene.media import HomogeneousMedium
 from engines.scene.mesh import Mesh, SphereSet
@@ -211,15 +211,13 @@ class _Writer:
             irradiance = _color(light.irradiance)
             return {"directional": {"direction": _direction(light.direction), "irradiance": irradiance}}
         if isinstance(light, SpotLight):
-            return {
-                "spot": {
-                    "position": [*light.position],
-                    "direction": _direction(light.direction),
-                    "intensity": _color(light.intensity),
-                    "cutoff": light.cutoff,
-                    "beam_width": light.beam_width,
-                }
-            }
+            cone = {"cutoff": light.cutoff, "beam_width": light.beam_width}
+            shown = {} if light.texture is None else {"texture": self.texture(light.texture), "up": _direction(light.up)}
+            return {"spot": {**_axis(light), "intensity": _color(light.intensity), **cone, **shown}}
+        if isinstance(light, ProjectorLight):
+            frame = {"up": _direction(light.up), "fov": light.fov, "fov_axis": light.fov_axis}
+            shown = {"irradiance": _color(light.irradiance), "texture": self.texture(light.texture)}
+            return {"projector": {**_axis(light), **shown, **frame}}
         assert isinstance(light, EnvironmentLight)
         image = {} if light.image is None else {"image": self.sky(light.image)}
         how = _other_than(light, {"rotation": EnvironmentLight(WHITE).rotation, "rows": "cells"}) if image else {}
@@ -277,6 +275,7 @@ KNOWN: frozenset[type] = frozenset(
         PointLight,
         DirectionalLight,
         SpotLight,
+        ProjectorLight,
         EnvironmentLight,
         HomogeneousMedium,
         *LEAF_PLUGINS,
@@ -311,6 +310,10 @@ def _placing(to_uv: tuple[float, ...]) -> Keys:
     if b == d == 0.0:
         return {"scale": [a, e], "offset": [c, f]}
     return {"to_uv": [[a, b, c], [d, e, f]]}
+
+
+def _axis(light: SpotLight | ProjectorLight) -> Keys:
+    return {"position": [*light.position], "direction": _direction(light.direction)}
 
 
 def _direction(direction: Triple) -> list[float]:

@@ -52,6 +52,10 @@ def through(**camera):
     return seen(BALL, camera={**CAMERA, **camera})
 
 
+def lit_by(light):
+    return seen(textures={"t": IMAGE | {"filter": "bilinear", "to_uv": [[1.2, 0.5, 0.1], [-0.4, 0.9, 0.7]]}}, lights=[light])
+
+
 FLAT = {"type": "orthographic", "height": 2.5}
 FLAT_CAMERA = {key: value for key, value in CAMERA.items() if key != "fov"} | FLAT
 SMOOTH = SQUARE | {"mesh": {**SQUARE["mesh"], "vertices": [[-1, -1, 0], [1, -1, 0.5], [1, 1, 0], [-1, 1, 0.5]], "smooth": True}}
@@ -101,6 +105,12 @@ SCENES = {
     "point": seen(lights=[{"point": {"position": [0.5, 1, 2], "intensity": [3, 2, 1]}}]),
     "sun": seen(lights=[{"directional": {"direction": [1, -1, -2], "irradiance": 2}}]),
     "spot": seen(lights=[{"spot": {"position": [0, 1, 2], "target": [0, 0, 0], "intensity": 4, "cutoff": 40}}]),
+    "spot with a texture": lit_by(
+        {"spot": {"position": [0.1, 0.2, 2], "target": [0, 0, 0], "intensity": 4, "cutoff": 20, "texture": "t"}}
+    ),
+    "projector": lit_by(
+        {"projector": {"position": [0.1, 0.2, 2], "target": [0, 0, 0], "irradiance": [4, 5, 6], "fov": 40, "texture": "t"}}
+    ),
     "mirrored camera": through(mirror=True, fov_axis="x"),
     "shifted camera": through(principal_point=[0.1, -0.2]),
     "clipped camera": through(clip=[3.1, 3.6]),

@@ -31,7 +31,7 @@ _TAGS = {
     "shape": ("disk", "sphere", "cylinder", "ply"),
     "medium": ("homogeneous",),
     "phase": ("isotropic", "hg"),
-    "emitter": ("area", "point", "spot", "directional", "constant", "envmap"),
+    "emitter": ("area", "point", "spot", "projector", "directional", "constant", "envmap"),
 }
 _TAG_OF = {kind: tag for tag, kinds in _TAGS.items() for kind in kinds}
 

@@ -142,7 +142,7 @@ def _principal_point(plugin: Plugin, film: Film) -> tuple[float, float]:
     return middle
 
 
-def _field_of_view(plugin: Plugin, film: Film) -> tuple[float, str]:
+def field_of_view(plugin: Plugin, film: Film) -> tuple[float, str]:
     """Degrees that the crop takes of those of the whole film, and the axis along which they are."""
     axis = plugin.text("fov_axis", default="x", known=AXES) or "x"
     if plugin.has("fov"):
@@ -190,7 +190,7 @@ def _rigid(plugin: Plugin) -> dict[str, Any]:
 
 
 def _lens(plugin: Plugin, film: Film) -> dict[str, Any]:
-    fov, axis = _field_of_view(plugin, film)
+    fov, axis = field_of_view(plugin, film)
     shared = {"fov": fov, "fov_axis": axis, "resolution": film.size, "clip": _clip(plugin)}
     return {**_rigid(plugin), **shared, "principal_point": _principal_point(plugin, film)}
 
