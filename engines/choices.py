@@ -167,6 +167,7 @@ SHADERS: dict[str, dict[str, Option]] = {
             0.01, "share of a place's light at which a solid angle of the guide is divided", number(1e-4, 1.0)
         ),
     },
+    "volumetric_path_tracer": {},
     "depth_map": {
         "max_point": Option(
             None, "black: depths from 1.1 times the distance to this point on; null: upper corner of the scene", _point_or_none
@@ -174,6 +175,9 @@ SHADERS: dict[str, dict[str, Option]] = {
     },
     "albedo": {},
 }
+VOLUMETRIC_OPTIONS = ("max_depth", "rr_depth", "direct", "light_sampler", "light_candidates", "hide_emitters")
+"""Of the options of `path_tracer`, those of `volumetric_path_tracer`, whose light samples always pass null lobes."""
+SHADERS["volumetric_path_tracer"].update({key: SHADERS["path_tracer"][key] for key in VOLUMETRIC_OPTIONS})
 
 SAMPLERS: dict[str, dict[str, Option]] = {
     "constant": {"value": Option(0.5, "every draw", number(0.0, 1.0 - 2.0**-24))},

@@ -29,6 +29,31 @@ def test_the_image_is_the_references_but_for_rays_at_edges(scene):
     assert ours.mean().mean() == pytest.approx(theirs.mean().mean(), rel=0.01)
 
 
+def test_flights_through_media_count_from_surfaces_not_from_offset_origins():
+    """Where float32 puts these 0.03 m away, a slab of thickness 1 that absorbs passes what the reference says."""
+    squares = (np.array([[-9, -9, z], [9, -9, z], [9, 9, z], [-9, 9, z]], float) for z in (1000.0, 1001.0))
+    shapes = [
+        {"mesh": {"vertices": corners, "faces": [[0, 1, 2], [0, 2, 3]]}, "material": "clear", side: "fog"}
+        for corners, side in zip(squares, ("exterior", "interior"), strict=True)
+    ]
+    scene = engines.scene_from(
+        {
+            "raybench_scene": 1,
+            "media": {"fog": {"sigma_t": 1, "albedo": 0}},
+            "camera": {**CAMERA, "eye": [0, 0, 1003], "target": [0, 0, 1000], "fov": 1e-3},
+            "materials": {"clear": {"null": {}}},
+            "shapes": shapes,
+            "lights": [{"environment": {"radiance": 1}}],
+        }
+    )
+    settings = Settings(64, 64, shader="volumetric_path_tracer", sampler="random")
+    ours, theirs = (
+        engines.engine(name).prepare(scene, settings).render(4).mean().mean() for name in ("embreex_batch", "numpy")
+    )
+    assert ours == pytest.approx(theirs, abs=2e-4)
+    assert ours == pytest.approx(np.exp(-1.0), abs=0.012)
+
+
 @pytest.mark.parametrize("away", [0.0, 1e6])
 def test_hits_are_exact_even_far_from_the_origin(away):
     faces = [[0, 1, 2], [0, 2, 3]]

@@ -13,6 +13,7 @@ TRIANGLE = {"triangle": {"a": [0, 0, 0], "b": [1, 0, 0], "c": [0, 1, 0]}, "mater
 PARTS = {
     "disk": {"shapes": [TRIANGLE, {"disk": {"center": [0, 0, 0], "normal": [0, 0, 1], "radius": 1}, "material": "grey"}]},
     "spot": {"lights": [{"spot": {"position": [0, 3, 0], "target": [0, 0, 0], "intensity": 1}}]},
+    "medium": {"media": {"fog": {"sigma_t": 1, "albedo": 0.5}}, "shapes": [{**TRIANGLE, "interior": "fog"}]},
     "conductor": {"materials": {"grey": {"conductor": {"metal": "Au", "alpha": 0.2}}}},
 }
 
@@ -78,6 +79,19 @@ def _function(*arguments):
 def test_a_plugin_without_the_half_of_an_engine_is_declined(name, wanted, part, what):
     half = {"jitted": _function} if name in ("numpy", "embreex_batch") else {"numpy": _function}
     assert _reason(engines.engine(name), _scene(part(_plugin(**half)))) == wanted.format(what)
+
+
+@pytest.mark.parametrize("name", ["numba", "embree"])
+def test_the_kernels_decline_media_and_their_shader(name):
+    said = f"medium 'fog': the engine {name} does not support the medium HomogeneousMedium"
+    assert _reason(engines.engine(name), _scene(PARTS["medium"])) == said
+    settings = Settings(4, 4, shader="volumetric_path_tracer")
+    assert engines.engine(name).why_not(_scene({}), settings) == f"the engine {name} has no shader volumetric_path_tracer"
+
+
+def test_pbrt_has_no_media(tmp_path):
+    with pytest.raises(Unsupported, match="medium 'fog': pbrt does not support the medium HomogeneousMedium"):
+        export(_scene(PARTS["medium"]), "pbrt", tmp_path)
 
 
 @pytest.mark.parametrize(("part", "what"), [(_light, "light"), (_bsdf, "BSDF")])

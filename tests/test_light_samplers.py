@@ -134,6 +134,8 @@ def test_resampled_light_has_the_mean_of_its_candidates(opaque):
             normal=np.repeat(normal[:, None], steps, axis=1),
             geometric=np.repeat(normal[:, None], steps, axis=1),
         )
+        at.cosine = lambda wi, at=at: np.abs((at.normal * wi).sum(axis=0))
+        at.faces = lambda wi, at=at: (at.geometric * wi).sum(axis=0) > 0.0
         at.take = lambda lanes, at=at: SimpleNamespace(**{k: getattr(at, k)[:, lanes] for k in ("point", "normal")})
         u0, u1, u = (np.full(steps, x) for x in numbers.random(3))
         found = resample_light(context, at, u0, u1, u, pick, count)

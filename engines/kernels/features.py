@@ -40,6 +40,8 @@ class SceneFeatures(NamedTuple):
     """Some surface emits what a texture holds."""
     lights: tuple[int, ...] = ()
     """Kinds of listed lights."""
+    light_frames: bool = False
+    """Some spot light or projector shows a texture."""
     many_lights: bool = False
     power_lights: bool = False
     """The integrator chooses lights by their power; light_hierarchy: by a hierarchy."""

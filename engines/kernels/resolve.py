@@ -56,6 +56,8 @@ def _lacking(scene: Scene, settings: Settings, engine: str) -> str | None:
     """One sentence on what the jitted engines lack for this scene with these resolved settings, or None."""
     if refusal := refusal_of(scene) or foreign(scene, known(), f"the engine {engine}"):
         return refusal
+    if settings.shader.plugin is None and settings.shader.name == "volumetric_path_tracer":
+        return f"the engine {engine} has no shader volumetric_path_tracer"
     for part, function in _plugins(settings).items():
         if function is None:
             return f"the {part} {getattr(settings, part).name!r} has no `jitted` function, which the engine {engine} needs"

@@ -59,6 +59,17 @@ class LightRow(Row):
     parameters = reals(LIGHT_PARAMETERS)
 
 
+class LightFrameRow(Row):
+    """How directions d from a light become places in its texture, -1 for none: u = 1/2 + d . across / d . axis, v the same with
+    `down`."""
+
+    dtype = np.float64
+    texture = real()
+    axis = vector()
+    across = vector()
+    down = vector()
+
+
 class EnvironmentRow(Row):
     """How directions become places in an environment's image: y = v `rows` - `first_row` counts its rows; the local axes are
     those of the image in the scene."""

@@ -16,6 +16,7 @@ from engines.numpy_reference.guiding import GuidedScattering
 from engines.numpy_reference.interaction import SurfaceInteraction, surface_interaction
 from engines.numpy_reference.light_samplers import light_sampler
 from engines.numpy_reference.materials import Materials
+from engines.numpy_reference.media import VACUUM, Media, MediumInteraction
 from engines.numpy_reference.sampler import Sampler
 from engines.numpy_reference.scene_lights import Lights
 from engines.numpy_reference.vectors import Array, Indices, Mask, dot, norm
@@ -24,6 +25,8 @@ from engines.scene.light_hierarchy import lit_through
 
 MOST_NULL_LOBES = 1024
 """Null lobes that a path or a shadow ray crosses at most: rounding must not hold a ray for ever."""
+Vertex = SurfaceInteraction | MediumInteraction
+"""Where n paths are scattered: on surfaces, or in media."""
 
 
 class Stopped(Exception):
@@ -41,6 +44,13 @@ class Context:
         self.materials = Materials(scene.materials, geometry)
         self.lights = Lights(scene.lights, geometry, self.materials)
         self.light_sampler = light_sampler(scene, shader, self.lights.count)
+        volumetric = shader.plugin is None and shader.name == "volumetric_path_tracer"
+        self.media = Media(scene.media if volumetric else (), scene.shapes, geometry)
+        """The media, of which shaders that do not render them see none."""
+        self.camera_medium = VACUUM
+        freely = volumetric or (shader.plugin is None and shader.options.get("transparent_shadows", False))
+        self.crosses_freely = freely and self.materials.null_lobes
+        """Whether null lobes are no vertices."""
         guided = shader.plugin is None and shader.options.get("guiding", "none") == "sd_tree"
         self.guide = GuidedScattering(self.materials, scene, shader) if guided else None
         """What samples directions in place of the materials alone, where paths are guided."""
@@ -74,8 +84,8 @@ class Context:
         """What lies where rays (3, n), all of which hit, have hit."""
         return surface_interaction(self.geometry, origin, direction, hits, self.tracer.offset, self.materials.placed)
 
-    def unoccluded(self, surface: SurfaceInteraction, direction: Array, distance: Array) -> Mask:
-        """(n,) whether nothing lies between points of a surface and of lights, `distance` (inf too) away from them.
+    def unoccluded(self, surface: Vertex, direction: Array, distance: Array) -> Mask:
+        """(n,) whether nothing lies between vertices and points of lights, `distance` (inf too) away from them.
 
         The ray starts off the surface, on the side of the light, and is aimed anew from there: parallel to the old
         direction it would meet a light that is seen from the side much earlier than it ends.
@@ -84,8 +94,9 @@ class Context:
         ray = self._shadow_ray(surface, direction, distance)
         return ~self.tracer.occluded(*ray, self.check, surface.primitive_id)
 
-    def transmittance(self, surface: SurfaceInteraction, direction: Array, distance: Array) -> Array:
-        """(3, n) the share of light that null lobes let pass on the same way: 0 where anything else lies on it."""
+    def transmittance(self, surface: Vertex, direction: Array, distance: Array, medium: Indices) -> Array:
+        """(3, n) the share of light that null lobes and media let pass on the same way, which starts in `medium` (n,): 0 where
+        anything else lies on it."""
         share, lanes = np.ones(direction.shape), np.arange(direction.shape[1])
         with np.errstate(invalid="ignore"):
             target = surface.point + distance * direction
@@ -94,6 +105,10 @@ class Context:
             origin, aim, t_max = self._shadow_ray(surface, direction, distance)
             hits = self.tracer.closest(origin, aim, t_max, self.check, surface.primitive_id)
             met = np.flatnonzero(hits.primitive_id >= 0)
+            if self.media.any:
+                lead = surface.offset * np.abs(dot(surface.geometric, aim))
+                way = np.where(hits.primitive_id >= 0, hits.t + lead, distance)
+                share[:, lanes] *= self.media.transmittance(medium, way)
             surface = self.surface(origin.take(met, axis=1), aim.take(met, axis=1), hits.take(met))
             passed = self.materials.transmittance(surface)
             share[:, lanes[met]] *= passed
@@ -101,6 +116,7 @@ class Context:
             lanes, surface = lanes[met[on]], surface.take(on)
             if not lanes.size:
                 return share
+            medium = self.media.beyond(surface, aim.take(met[on], axis=1), medium[met[on]])
             # from there to the same place
             endless = np.isinf(distance[met[on]])
             with np.errstate(invalid="ignore"):
@@ -111,7 +127,7 @@ class Context:
         share[:, lanes] = 0.0
         return share
 
-    def _shadow_ray(self, surface: SurfaceInteraction, direction: Array, distance: Array) -> tuple[Array, Array, Array]:
+    def _shadow_ray(self, surface: Vertex, direction: Array, distance: Array) -> tuple[Array, Array, Array]:
         """Origin, direction (3, n) and length (n,) of the ray to the place that lies so far away."""
         side = np.where(dot(surface.geometric, direction) < 0.0, -surface.offset, surface.offset)
         with np.errstate(invalid="ignore"):

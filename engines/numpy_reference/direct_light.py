@@ -11,10 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from engines.numpy_reference.context import Context
-from engines.numpy_reference.interaction import SurfaceInteraction
+from engines.numpy_reference.context import Context, Vertex
 from engines.numpy_reference.lights.interface import LightSample
-from engines.numpy_reference.vectors import Array, Indices, dot
+from engines.numpy_reference.vectors import Array, Indices
 
 STEPS = (12664746, 9560334)
 """How far candidate k + 1 lies from candidate k in (u0, u1), in units of 2^-24: 1/g and 1/g^2 with g^3 = g + 1, the additive
@@ -40,7 +39,7 @@ class SampledLight(NamedTuple):
         return SampledLight(light, self.inverse_pmf[vertices], self.scale[vertices])
 
 
-def sample_light(context: Context, at: SurfaceInteraction, u0: Array, u1: Array, u: Array) -> SampledLight:
+def sample_light(context: Context, at: Vertex, u0: Array, u1: Array, u: Array) -> SampledLight:
     """A light by `u` (n,), and a place on it by `u0` and `u1` (n,). With `direct: bsdf` delta lights only are sampled."""
     chosen, rest, inverse_pmf = context.light_sampler.choose(at.point, at.geometric, u)
     useful = chosen >= 0
@@ -52,9 +51,7 @@ def sample_light(context: Context, at: SurfaceInteraction, u0: Array, u1: Array,
     return SampledLight(light, inverse_pmf, inverse_pmf)
 
 
-def resample_light(
-    context: Context, at: SurfaceInteraction, u0: Array, u1: Array, u: Array, pick: Array, count: int
-) -> SampledLight:
+def resample_light(context: Context, at: Vertex, u0: Array, u1: Array, u: Array, pick: Array, count: int) -> SampledLight:
     """One of `count` candidates, picked in proportion to their targets by `pick` (n,)."""
     candidates = [
         sample_light(
@@ -84,14 +81,14 @@ def _shifted(u: Array, steps: int) -> Array:
     return np.minimum(np.where(u >= 1.0 - shift, u - (1.0 - shift), u + shift), _BELOW_ONE)
 
 
-def _target(context: Context, at: SurfaceInteraction, candidate: SampledLight) -> Array:
+def _target(context: Context, at: Vertex, candidate: SampledLight) -> Array:
     """(n,) luminance of Li |n . wi| over the density of the candidate, times its weight beside samples of a diffuse BSDF: 0
-    where nothing of it is reflected or transmitted."""
+    where nothing of it is scattered."""
     light = candidate.light
     reached = (light.weight > 0.0).any(axis=0)
     if not context.lit_through:
-        reached &= dot(at.geometric, light.wi) > 0.0
-    cosine = np.abs(dot(at.normal, light.wi))
+        reached &= at.faces(light.wi)
+    cosine = at.cosine(light.wi)
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
         target = (LUMINANCE * light.weight).sum(axis=0) * cosine * candidate.inverse_pmf
         if context.options["direct"] == "mis":

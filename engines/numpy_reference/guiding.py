@@ -67,6 +67,10 @@ class GuidedScattering:
         _, guide_pdf = cell_and_pdf(tree, leaf_at(tree, at.point), wi)
         return share * self._materials.pdf(at, wi) + (1.0 - share) * guide_pdf * _opacity(at)
 
+    def evaluate(self, at: SurfaceInteraction, wi: Array) -> Array:
+        """`Materials.evaluate`."""
+        return self._materials.evaluate(at, wi)
+
     def record(self, lane: Indices, point: Array, wi: Array, throughput: Array, radiance: Array) -> Records:
         """What is kept of directions (3, m) in which vertices at points (3, m) scattered paths; see `Records`."""
         tree = self.training.tree

@@ -75,6 +75,14 @@ class SurfaceInteraction(NamedTuple):
         """(3, n) origins of rays along `wi`, on the side into which they go."""
         return self.point + np.where(dot(self.geometric, wi) < 0.0, -self.offset, self.offset) * self.geometric
 
+    def cosine(self, wi: Array) -> Array:
+        """(n,) by which light along `wi` is weighted."""
+        return np.abs(dot(self.normal, wi))
+
+    def faces(self, wi: Array) -> Mask:
+        """(n,) whether `wi` lies on the side that the ray came from."""
+        return dot(self.geometric, wi) > 0.0
+
     def reflects(self, wi: Array) -> Mask:
         """(n,) whether `wi` lies above the surface where the viewer is, by both normals."""
         return (dot(self.normal, wi) > 0.0) & (dot(self.geometric, wi) > 0.0)

@@ -7,12 +7,13 @@ candidates (`direct_light`).
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from engines.numpy_reference.accelerators.nearest import Nearest
 from engines.numpy_reference.bsdf import Lobes
-from engines.numpy_reference.context import MOST_NULL_LOBES, Context
+from engines.numpy_reference.context import MOST_NULL_LOBES, Context, Vertex
 from engines.numpy_reference.direct_light import resample_light, sample_light
 from engines.numpy_reference.guiding import GuidedScattering, Records, recorded
 from engines.numpy_reference.interaction import SurfaceInteraction
@@ -34,10 +35,14 @@ class Paths(NamedTuple):
     pdf: Array
     normal: Array
     vertex: Array
-    """Where the ray left a surface, and the geometric normal there, towards the viewer."""
+    """The last vertex, and the geometric normal there, towards the viewer. Vertices in media have no normals: both are 0."""
     geometric: Array
     origin_primitive: Indices
-    """Id of the primitive that the ray starts from, -1 for the camera's."""
+    """Id of the primitive that the ray starts from, -1 for none."""
+    lead: Array
+    """Metres from the surface that the ray has left to its origin, along the ray."""
+    medium: Indices
+    """The medium along the ray."""
     depth: Indices
     """Segments so far, 1 on the way from the camera."""
     crossed: Array
@@ -53,52 +58,90 @@ class Paths(NamedTuple):
         """Some of the paths."""
         return Paths(*(field.take(lanes, axis=-1) for field in self))
 
+    def beside(self, others: Paths) -> Paths:
+        """These and the others."""
+        joined: list[Any] = [np.concatenate(pair, axis=-1) for pair in zip(self, others, strict=True)]
+        return Paths(*joined)
+
+
+class Scattering(Protocol):
+    """What scatters light at the vertices of paths."""
+
+    def evaluate(self, at: Any, wi: Array, /) -> Array:
+        """(3, n) of light along `wi` (3, n), without lobes that are deltas."""
+        ...
+
+    def pdf(self, at: Any, wi: Array, /) -> Array:
+        """(n,) per solid angle, with which paths are scattered along `wi`."""
+        ...
+
 
 def Li(context: Context, origin: Array, direction: Array, pixel: Indices, sample: int) -> Array:
     """(3, n) estimates of the radiance along rays (3, n), sample number `sample` of their pixels (n,)."""
-    n = pixel.size
-    total = np.zeros((3, n))
-    paths = Paths(
-        np.arange(n),
-        pixel,
-        origin,
-        direction,
-        np.ones((3, n)),
-        np.full(n, np.inf),
-        *np.zeros((3, 3, n)),
-        np.full(n, -1),
-        np.ones(n, np.int64),
-        np.zeros(n),
-        np.ones(n, bool),
-        *np.ones((2, n)),
-    )
+    total = np.zeros((3, pixel.size))
+    paths = camera_paths(context, origin, direction, pixel)
     records: list[Records] = []
     for event in range(1, context.options["max_depth"] + MOST_NULL_LOBES):
         context.check()
-        # the next surface
         hits = context.closest(paths.origin, paths.direction, paths.origin_primitive)
-        total[:, paths.lane] += _environment(context, paths, np.flatnonzero(hits.primitive_id < 0))
-        arrived = np.flatnonzero(hits.primitive_id >= 0)
-        paths, hits = paths.take(arrived), hits.take(arrived)
-        at = context.surface(paths.origin, paths.direction, hits)
-        absent = _absent(context, paths, at)
-        total[:, paths.lane] += np.where(absent, 0.0, _emission(context, paths, at, hits.t))
-        goes_on = paths.depth < context.options["max_depth"]
-        if not (goes_on | absent | _crosses_freely(context)).any():
+        before, paths, scattered = surface_vertices(context, paths, hits, total, sample, event)
+        if not paths.lane.size:
             break
-        # what it does with light
-        base = _base(event)
-        at, uc = context.materials.walk(at, context.draw(paths.pixel, sample, base + LOBE))
-        total[:, paths.lane] += _direct(context, paths, at, goes_on & ~absent, sample, base)
-        before = paths
-        paths, scattered, kept = _scattered(context, paths, at, absent, hits.t, uc, sample, event)
         if context.guide is not None:
-            records.append(_record(context.guide, before.take(kept), paths, scattered, total))
-        paths = _roulette(context, paths, scattered & (paths.depth > context.options["rr_depth"]), sample, base)
+            records.append(_record(context.guide, before, paths, scattered, total))
+        paths = roulette(context, paths, scattered & (paths.depth > context.options["rr_depth"]), sample, base_of(event))
     if context.guide is not None:
         for found in records:
             context.guide.add(found, total)
     return total
+
+
+def camera_paths(context: Context, origin: Array, direction: Array, pixel: Indices) -> Paths:
+    """Paths that start along rays (3, n) of the camera."""
+    n = pixel.size
+    return Paths(
+        lane=np.arange(n),
+        pixel=pixel,
+        origin=origin,
+        direction=direction,
+        throughput=np.ones((3, n)),
+        pdf=np.full(n, np.inf),
+        normal=np.zeros((3, n)),
+        vertex=np.zeros((3, n)),
+        geometric=np.zeros((3, n)),
+        origin_primitive=np.full(n, -1),
+        lead=np.zeros(n),
+        medium=np.full(n, context.camera_medium),
+        depth=np.ones(n, np.int64),
+        crossed=np.zeros(n),
+        direct_view=np.ones(n, bool),
+        eta=np.ones(n),
+        odds=np.ones(n),
+    )
+
+
+def surface_vertices(
+    context: Context, paths: Paths, hits: Nearest, total: Array, sample: int, event: int
+) -> tuple[Paths, Paths, Mask]:
+    """What the rays of paths find; emission and light samples are added to `total` (3, lanes). The paths that go on, as they
+    were and as they are, and whether each has left a vertex."""
+    total[:, paths.lane] += _environment(context, paths, np.flatnonzero(hits.primitive_id < 0))
+    arrived = np.flatnonzero(hits.primitive_id >= 0)
+    paths, hits = paths.take(arrived), hits.take(arrived)
+    at = context.surface(paths.origin, paths.direction, hits)
+    absent = _absent(context, paths, at)
+    total[:, paths.lane] += np.where(absent, 0.0, _emission(context, paths, at, hits.t))
+    goes_on = paths.depth < context.options["max_depth"]
+    if not (goes_on | absent | context.crosses_freely).any():
+        nothing = np.flatnonzero(goes_on)
+        return paths.take(nothing), paths.take(nothing), goes_on[nothing]
+    base = base_of(event)
+    at, uc = context.materials.walk(at, context.draw(paths.pixel, sample, base + LOBE))
+    lit = np.flatnonzero(goes_on & ~absent & context.materials.has(at, Lobes.NON_SPECULAR))
+    scattering = context.materials if context.guide is None else context.guide
+    total[:, paths.lane[lit]] += direct_light(context, paths.take(lit), at.take(lit), scattering, sample, base)
+    following, scattered, kept = _scattered(context, paths, at, absent, hits.t, uc, sample, event)
+    return paths.take(kept), following, scattered
 
 
 def _record(guide: GuidedScattering, before: Paths, paths: Paths, scattered: Mask, total: Array) -> Records:
@@ -108,14 +151,9 @@ def _record(guide: GuidedScattering, before: Paths, paths: Paths, scattered: Mas
     return guide.record(paths.lane, paths.vertex, paths.direction, throughput, total.take(paths.lane, axis=1))
 
 
-def _base(event: int) -> int:
+def base_of(event: int) -> int:
     """The first dimension of the vertex at the end of a path's ray number `event`, from 1 on."""
     return 2 + 8 * (event - 1)
-
-
-def _crosses_freely(context: Context) -> bool:
-    """Whether null lobes are no vertices."""
-    return context.options["transparent_shadows"] and context.materials.null_lobes
 
 
 def _absent(context: Context, paths: Paths, at: SurfaceInteraction) -> Mask:
@@ -180,36 +218,37 @@ def _weight_of_scattering(context: Context, pdf: Array, pdf_light: Array, listed
         return np.where(only_way, 1.0, 1.0 / (1.0 + ratio * ratio))
 
 
-def _direct(context: Context, paths: Paths, at: SurfaceInteraction, asked: Mask, sample: int, base: int) -> Array:
-    """(3, n) light from one sample of one light through the lobes that are no deltas; 0 of paths that are not `asked`."""
-    found = np.zeros(paths.direction.shape)
-    lanes = np.flatnonzero(asked & context.materials.has(at, Lobes.NON_SPECULAR))
-    if not context.lights.count or not lanes.size:
+def direct_light(context: Context, paths: Paths, at: Vertex, scattering: Scattering, sample: int, base: int) -> Array:
+    """(3, n) light from one sample of one light, which vertices scatter but for lobes that are deltas."""
+    found, pixel = np.zeros(paths.direction.shape), paths.pixel
+    if not context.lights.count or not pixel.size:
         return found
     # which light, and where on it
-    at, pixel, candidates = at.take(lanes), paths.pixel[lanes], context.options["light_candidates"]
+    candidates = context.options["light_candidates"]
     u0, u1, u = (context.draw(pixel, sample, base + k) for k in (POINT_U0, POINT_U1, LIGHT))
     if candidates == 1:
         sampled = sample_light(context, at, u0, u1, u)
     else:
         sampled = resample_light(context, at, u0, u1, u, context.draw(pixel, sample, base + ROULETTE), candidates)
-    kept = np.flatnonzero((sampled.light.weight > 0.0).any(axis=0))
-    (light, inverse_pmf, scale), lanes, at = sampled.take(kept), lanes[kept], at.take(kept)
+    lanes = np.flatnonzero((sampled.light.weight > 0.0).any(axis=0))
+    (light, inverse_pmf, scale), at = sampled.take(lanes), at.take(lanes)
     # what it adds
-    value = context.materials.evaluate(at, light.wi)
+    value = scattering.evaluate(at, light.wi)
     weight = np.ones(lanes.size)
     if context.options["direct"] == "mis":
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            ratio = (context.guide or context.materials).pdf(at, light.wi) / (light.pdf / inverse_pmf)
+            ratio = scattering.pdf(at, light.wi) / (light.pdf / inverse_pmf)
             weight = 1.0 / (1.0 + ratio * ratio)
     with np.errstate(invalid="ignore", over="ignore"):
-        cosine = np.abs(dot(at.normal, light.wi))
-        added = paths.throughput.take(lanes, axis=1) * value * light.weight * (cosine * scale * weight)
+        added = paths.throughput.take(lanes, axis=1) * value * light.weight * (at.cosine(light.wi) * scale * weight)
     # unless something stands in between
     reaches = (value != 0.0).any(axis=0)
     lit = np.flatnonzero(reaches & (added != 0.0).any(axis=0))  # NaN is not 0: it is traced, and counted as a bad sample
     way = at.take(lit), light.wi.take(lit, axis=1), light.distance[lit]
-    visible = context.transmittance(*way) if _crosses_freely(context) else context.unoccluded(*way)
+    if context.crosses_freely or context.media.any:
+        visible = context.transmittance(*way, context.media.beyond(way[0], way[1], paths.medium[lanes[lit]]))
+    else:
+        visible = context.unoccluded(*way)
     found[:, lanes[lit]] = np.where(visible, visible * added.take(lit, axis=1), 0.0)
     return found
 
@@ -219,7 +258,7 @@ def _scattered(
 ) -> tuple[Paths, Mask, Indices]:
     """The paths that go on, each in a direction that has been sampled, whether each has left a vertex, and which of all they
     are. `uc` (n,) chooses lobes; where the surface is `absent` (n,), the ray goes straight on."""
-    base = _base(event)
+    base = base_of(event)
     u0, u1 = (context.draw(paths.pixel, sample, base + k) for k in (DIRECTION_U0, DIRECTION_U1))
     if context.guide is None:
         found, odds = context.materials.sample(at, uc, u0, u1), np.ones(uc.size)
@@ -227,12 +266,14 @@ def _scattered(
         found, odds = context.guide.sample(at, uc, u0, u1)
     null, wi = absent | context.materials.passes(at, found.wi), np.where(absent, -at.wo, found.wi)
     weight, eta = np.where(absent, 1.0, found.weight), np.where(absent, 1.0, context.materials.eta(at, found.wi))
-    vertex = ~null if _crosses_freely(context) else ~absent
+    vertex = ~null if context.crosses_freely else ~absent
     following = paths._replace(
         origin=at.spawn(wi),
         direction=wi,
         throughput=paths.throughput * weight,
         origin_primitive=at.primitive_id,
+        lead=at.offset * np.abs(dot(at.geometric, wi)),
+        medium=context.media.beyond(at, wi, paths.medium),
         pdf=np.where(vertex, found.pdf, paths.pdf),
         normal=np.where(vertex, at.normal, paths.normal),
         vertex=np.where(vertex, at.point, paths.vertex),
@@ -249,7 +290,7 @@ def _scattered(
     return following.take(kept), vertex[kept], kept
 
 
-def _roulette(context: Context, paths: Paths, played: Mask, sample: int, base: int) -> Paths:
+def roulette(context: Context, paths: Paths, played: Mask, sample: int, base: int) -> Paths:
     """The paths that survive where it is `played`, with the weight of those that do not; and the others. Refraction scales
     radiance by 1/eta^2, which says nothing about what a path is worth; nor does the small weight of a likely direction."""
     if not played.any():

@@ -25,18 +25,21 @@ from engines.numpy_reference.geometry import Geometry
 from engines.numpy_reference.interaction import barycentric
 from engines.numpy_reference.light_samplers import SpatialLightSampler
 from engines.numpy_reference.lights import LIGHTS
+from engines.numpy_reference.media import VACUUM
 from engines.numpy_reference.sampler import Sampler
 from engines.numpy_reference.shader import shader_function
 from engines.numpy_reference.shapes import SHAPES
 from engines.numpy_reference.vectors import Array, Indices, norm
-from engines.scene import Camera, Scene, Shape, Texture, ThinLens, Wrapper
+from engines.scene import Camera, HomogeneousMedium, Scene, Shape, Texture, ThinLens, Wrapper
 from engines.scene.support import foreign, plugin_without
 
 CHUNK = 32_768
 """Paths that are followed together: bounds the memory of a pass to some tens of megabytes."""
 
 
-KNOWN: frozenset[type] = frozenset({*BSDFS, *LIGHTS, *SHAPES, *get_args(Wrapper), *get_args(Texture), *get_args(Camera)})
+KNOWN: frozenset[type] = frozenset(
+    {*BSDFS, *LIGHTS, *SHAPES, *get_args(Wrapper), *get_args(Texture), *get_args(Camera), HomogeneousMedium}
+)
 """The types of scenes that are rendered."""
 
 
@@ -204,6 +207,8 @@ class Renderer:
         span = clipped(camera, origin, direction)
         if span is not None:
             origin = span[0]
+        medium = getattr(camera, "medium", None) if self._context.media.any else None
+        self._context.camera_medium = VACUUM if medium is None else medium
         self._context.camera_rays = None if span is None else (origin, direction, span[1])
         return origin, direction
 

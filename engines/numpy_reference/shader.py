@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from engines.choices import Choice
-from engines.numpy_reference import albedo, depth_map, path_tracer, whitted
+from engines.numpy_reference import albedo, depth_map, path_tracer, volumetric_path_tracer, whitted
 from engines.numpy_reference.context import Context
 from engines.numpy_reference.vectors import Array
 
@@ -24,6 +24,7 @@ _BUILT_IN: dict[str, Radiance] = {
     "no_shadows": whitted.Li_without_shadows,
     "whitted": whitted.Li,
     "path_tracer": path_tracer.Li,
+    "volumetric_path_tracer": volumetric_path_tracer.Li,
     "depth_map": depth_map.Li,
     "albedo": albedo.Li,
 }

@@ -86,3 +86,10 @@ def cosine_hemisphere(n: Array, u0: Array, u1: Array) -> Array:
     """(3, n) directions around unit `n` with density cos/pi per solid angle, from two draws in [0, 1)."""
     radius, phi = np.sqrt(u0), 2.0 * np.pi * u1
     return along(radius * np.cos(phi), radius * np.sin(phi), np.sqrt(1.0 - u0), n)
+
+
+def uniform_sphere(u0: Array, u1: Array) -> Array:
+    """(3, n) directions with density 1/(4 pi) per solid angle, from two draws in [0, 1)."""
+    z, phi = 1.0 - 2.0 * u0, 2.0 * np.pi * u1
+    radius = np.sqrt(1.0 - z * z)
+    return np.stack([radius * np.cos(phi), radius * np.sin(phi), z])

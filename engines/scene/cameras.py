@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from engines.scene.media import NAMED_MEDIUM
 from engines.scene.plugins import all_options, load_plugin, read_options
 from engines.scene.triple import Triple
 from engines.schema import fields
@@ -35,6 +36,8 @@ class Perspective:
     Of any camera but MobileRT's and plugins: the axis of view meets the film at 1/2 + `principal_point`, in shares of its
     width and height, y downwards; with `mirror` left and right are exchanged; nothing is seen that lies outside `clip`, two
     distances along the axis.
+
+    `medium` is the place in `Scene.media` of the medium in which rays start, None for vacuum; plugins have none.
     """
 
     eye: Triple
@@ -46,6 +49,7 @@ class Perspective:
     principal_point: tuple[float, float] = (0.0, 0.0)
     mirror: bool = False
     clip: tuple[float, float] = (0.0, math.inf)
+    medium: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +67,7 @@ class ThinLens:
     principal_point: tuple[float, float] = (0.0, 0.0)
     mirror: bool = False
     clip: tuple[float, float] = (0.0, math.inf)
+    medium: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +86,7 @@ class PerspectiveArctan:
     fov: float
     fov_axis: str
     resolution: tuple[int, int]
+    medium: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +103,7 @@ class Orthographic:
     mirror: bool = False
     clip: tuple[float, float] = (0.0, math.inf)
     width: float | None = None
+    medium: int | None = None
 
     def window(self, aspect: float | None = None) -> tuple[float, float]:
         """Width and height in metres, for an image that is `aspect` times as wide as high: by default that of `resolution`."""
@@ -164,6 +171,7 @@ _FRAME = {
     "target": Key(POINT, "Point in the middle of the image.", unit="metres"),
     "up": Key(POINT, "Direction that is up in the image.", [0, 1, 0]),
     "resolution": _RESOLUTION,
+    "medium": Key(NAMED_MEDIUM, "Name of the medium in which the camera is.", None),
 }
 
 
@@ -195,9 +203,10 @@ _FILM = {
         unit="metres",
     ),
 }
+FOV_AXIS = one_of(("x", "y"), "fov_axis")
 _LENS = {
     "fov": Key(ANGLE, "Full angle of view.", 40, unit="degrees"),
-    "fov_axis": Key(one_of(("x", "y"), "fov_axis"), "Axis of the image along which fov is measured.", "y"),
+    "fov_axis": Key(FOV_AXIS, "Axis of the image along which fov is measured.", "y"),
 }
 CAMERAS = {
     "perspective": _camera(Perspective, "A pinhole camera.", **_LENS, **_FILM),

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.scene.cameras import Camera, CustomCamera, Orthographic, Perspective
-from engines.scene.lights import CustomLight, EnvironmentLight, Light
+from engines.scene.lights import CustomLight, EnvironmentLight, Light, SpotLight
 from engines.scene.materials import Material
+from engines.scene.media import HomogeneousMedium
 from engines.scene.mesh import Mesh
 from engines.scene.models import Conductor, CustomBSDF
 from engines.scene.shapes import Shape
@@ -31,16 +32,25 @@ LATER = {
     Orthographic: _FILM | {"width"},
     EnvironmentLight: {"rotation", "rows"},
     Conductor: {"distribution"},
+    SpotLight: {"texture", "up"},
 }
 """Fields that came later: they count where they differ from their defaults, so that older scenes keep their hashes."""
 
 
-def content_hash(camera: Camera, materials: Sequence[Material], shapes: Sequence[Shape], lights: Sequence[Light]) -> str:
+def content_hash(
+    camera: Camera,
+    materials: Sequence[Material],
+    shapes: Sequence[Shape],
+    lights: Sequence[Light],
+    media: Sequence[HomogeneousMedium] = (),
+) -> str:
     """sha256, in hexadecimal, over the camera without its resolution, the shapes in order with their materials by
-    value, and the lights in order. Materials that no shape uses do not count, and neither do a mesh's texture coordinates
-    and attributes where none of its materials looks at them."""
+    value, and the lights in order. Materials and media that nothing uses do not count, and neither
+    do a mesh's texture coordinates and attributes where none of its materials looks at them."""
     digest = hashlib.sha256(VERSION)
     _feed(digest, _camera(camera))
+    if (medium := getattr(camera, "medium", None)) is not None:
+        _feed(digest, ["medium", _fields(media[medium], {"name"})])
     values = [_material(material) for material in materials]
     for shape in shapes:
         if isinstance(shape, Mesh):
@@ -50,7 +60,10 @@ def content_hash(camera: Camera, materials: Sequence[Material], shapes: Sequence
             if shape.attributes and (shown := set().union(*(materials[i].attributes for i in np.unique(shape.materials)))):
                 _feed(digest, ["attributes", {name: shape.attributes[name] for name in shown & shape.attributes.keys()}])
         else:
-            _feed(digest, [_fields(shape, {"material", "name"}), values[shape.material]])
+            _feed(digest, [_fields(shape, {"material", "name", "interior", "exterior"}), values[shape.material]])
+        if shape.is_boundary:
+            sides = (None if side is None else _fields(media[side], {"name"}) for side in (shape.interior, shape.exterior))
+            _feed(digest, ["media", *sides])
     for light in lights:
         _feed(digest, _part(light))
     return digest.hexdigest()
@@ -58,7 +71,7 @@ def content_hash(camera: Camera, materials: Sequence[Material], shapes: Sequence
 
 def _camera(camera: Camera) -> Any:
     if not isinstance(camera, CustomCamera):
-        return _fields(camera, {"resolution"})
+        return _fields(camera, {"resolution", "medium"})
     return ["CustomCamera", *_plugin(camera.plugin), dict(camera.options)]
 
 
@@ -112,7 +125,7 @@ def _fields(thing: Any, without: set[str]) -> list[Any]:
     for item in dataclasses.fields(thing):
         value = getattr(thing, item.name)
         if item.name in later:
-            values += [] if value == item.default else [(item.name, value)]
+            values += [] if value == item.default else [(item.name, _value(value))]
         elif item.name not in without:
             values.append(_value(value))
     return values

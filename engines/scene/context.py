@@ -83,7 +83,8 @@ class MaterialTable:
 
 @dataclass(slots=True)
 class SceneReader:
-    """The state of reading one scene: `name` is that of a scene without a title, `source` its file, `textures` by name.
+    """The state of reading one scene: `name` is that of a scene without a title, `source` its file, `textures` by name,
+    `media` the names of media in their order.
 
     `material` is the index of the material of the shape being read, None where a mesh file brings its own
     or its faces have one of `face_materials` each. `degenerate`
@@ -97,6 +98,7 @@ class SceneReader:
     textures: dict[str, Texture] = field(default_factory=dict)
     images: Images = field(default_factory=Images)
     table: MaterialTable = field(default_factory=MaterialTable)
+    media: list[str] = field(default_factory=list)
     material: int | None = None
     face_materials: list[int] = field(default_factory=list)
     degenerate: int = 0

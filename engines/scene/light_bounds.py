@@ -13,15 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.scene.geometry import has_area
-from engines.scene.lights import CustomLight, DirectionalLight, EnvironmentLight, PointLight, SpotLight
+from engines.scene.lights import CustomLight, DirectionalLight, EnvironmentLight, PointLight, ProjectorLight, SpotLight
 from engines.scene.mesh import Mesh, SphereSet
 from engines.scene.scene import Scene
 from engines.scene.shapes import Cylinder, Disk, Sphere, Triangle, as_mesh, as_spheres
+from engines.scene.textures import mean_color
+from engines.scene.triple import product
 
 Array = NDArray[np.float64]
 
-SPOT_MARGIN = 1e-3
-"""Radians by which the cone of a spot light is widened, so that rounding at its edge leaves no light unsampled."""
+CONE_MARGIN = 1e-3
+"""Radians by which the cone of a light is widened, so that rounding at its edge leaves no light unsampled."""
 
 
 class LightBounds(NamedTuple):
@@ -81,13 +83,23 @@ def _point(light: PointLight, scale: float) -> LightBounds:
 
 
 def _spot(light: SpotLight, scale: float) -> LightBounds:
-    position = np.array(light.position, np.float64)
     cutoff, beam = math.radians(light.cutoff), math.radians(light.beam_width)
     solid_angle = math.pi * (2.0 - math.cos(beam) - math.cos(cutoff))
-    spread = max(beam, cutoff + SPOT_MARGIN - math.pi / 2)
-    axis = np.array(light.direction, np.float64)
-    reach = cutoff + SPOT_MARGIN - spread
-    return LightBounds(solid_angle * _mean(light.intensity), np.stack([position, position]), axis, spread, reach)
+    intensity = light.intensity if light.texture is None else product(light.intensity, mean_color(light.texture))
+    return _cone(light, solid_angle * _mean(intensity), cutoff, beam)
+
+
+def _projector(light: ProjectorLight, scale: float) -> LightBounds:
+    """As much as its image receives at a distance of 1."""
+    x, y = light.half_extents
+    half_angle = math.atan(math.hypot(x, y))
+    return _cone(light, 4.0 * x * y * _mean(product(light.irradiance, mean_color(light.texture))), half_angle, half_angle)
+
+
+def _cone(light: SpotLight | ProjectorLight, power: float, cutoff: float, beam: float) -> LightBounds:
+    position, axis = np.array(light.position, np.float64), np.array(light.direction, np.float64)
+    spread = max(beam, cutoff + CONE_MARGIN - math.pi / 2)
+    return LightBounds(power, np.stack([position, position]), axis, spread, cutoff + CONE_MARGIN - spread)
 
 
 def _directional(light: DirectionalLight, scale: float) -> LightBounds:
@@ -110,6 +122,7 @@ def _plugin(light: CustomLight, scale: float) -> LightBounds:
 _LISTED: dict[type, Callable[[Any, float], LightBounds]] = {
     PointLight: _point,
     SpotLight: _spot,
+    ProjectorLight: _projector,
     DirectionalLight: _directional,
     EnvironmentLight: _environment,
     CustomLight: _plugin,

@@ -14,20 +14,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.errors import SceneError
+from engines.scene.cameras import FOV_AXIS, PARALLEL
 from engines.scene.context import SceneReader
 from engines.scene.formats.texture import read_texels
+from engines.scene.frames import LARGEST
 from engines.scene.geometry import read_only
 from engines.scene.plugins import PluginKind, all_options
-from engines.scene.textures import IMAGE_FILE, image_array
+from engines.scene.textures import IMAGE_FILE, PROJECTED, ImageTexture, UVTexture, image_array
 from engines.scene.triple import Triple, triple
 from engines.schema import fields
 from engines.schema.keys import Given, Key, Record, Variants
 from engines.schema.kinds import ANGLE, DIRECTION, POINT, Kind, array_of, color, one_of, within
 from engines.schema.yaml_file import Located
 
-__all__ = ["CustomLight", "DirectionalLight", "EnvironmentLight", "Light", "PointLight", "SpotLight"]
+__all__ = ["CustomLight", "DirectionalLight", "EnvironmentLight", "Light", "PointLight", "ProjectorLight", "SpotLight"]
 
+_UP: Triple = (0.0, 1.0, 0.0)
 _POSITION = Key(POINT, "Position of the light.", unit="metres")
+_AXIS = {
+    "target": Key(POINT, "A point on the axis.", None, unit="metres"),
+    "direction": Key(DIRECTION, "Direction of the axis, of any length.", None),
+}
+_EITHER_AXIS = (("target",), ("direction",))
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +69,9 @@ class SpotLight:
 
     `intensity` in W/sr holds within `beam_width` degrees of `direction` and falls linearly with the angle theta to 0 at
     `cutoff` degrees: times (cutoff - theta) / (cutoff - beam_width). Half angles; 0 < `beam_width` <= `cutoff` < 180.
+
+    A `texture` is a factor of the intensity: it fills the square around the cone, with `up` (unit) upwards, as a camera in the
+    light's place would see it. `cutoff` is below 90 then.
     """
 
     position: Triple
@@ -68,24 +79,48 @@ class SpotLight:
     intensity: Triple
     cutoff: float
     beam_width: float
+    texture: UVTexture | None = None
+    up: Triple = _UP
+
+    @property
+    def half_extents(self) -> tuple[float, float]:
+        """Half the width and height of the frame of the texture, at a distance of 1 along the axis."""
+        half = math.tan(math.radians(self.cutoff))
+        return half, half
+
+
+def _direction(given: Given) -> Triple:
+    """Of the axis, unit."""
+    return given["direction"] or fields.towards(given.at("target"), given["position"], "position")
+
+
+def _check_up(given: Given, direction: Triple) -> None:
+    if np.linalg.norm(np.cross(direction, given["up"])) < PARALLEL:
+        node = given.at("up") if given.has("up") else given.node
+        raise node.refuse("up must not be parallel to the axis of the light")
 
 
 def _spot(given: Given, context: SceneReader) -> SpotLight:
-    position, cutoff, beam_width = given["position"], given["cutoff"], given["beam_width"]
-    direction = given["direction"] or fields.towards(given.at("target"), position, "position")
+    cutoff, beam_width, direction = given["cutoff"], given["beam_width"], _direction(given)
     if beam_width is None:
         beam_width = 0.75 * cutoff
     elif beam_width > cutoff:
         raise given.at("beam_width").refuse(f"must not exceed cutoff, which is {cutoff:g}")
-    return SpotLight(position, direction, given["intensity"], cutoff, beam_width)
+    if given["texture"] is not None:
+        if cutoff >= 90.0:
+            raise given.at("cutoff").refuse("must be below 90 with a texture")
+        _check_up(given, direction)
+    elif given.has("up"):
+        raise given.node.refuse_key("up", "belongs to a texture: a cone is the same all around")
+    values = given["intensity"], cutoff, beam_width, given["texture"], given["up"]
+    return SpotLight(given["position"], direction, *values)
 
 
 _SPOT = Record(
     "A point light that is limited to a cone about an axis.",
     {
         "position": _POSITION,
-        "target": Key(POINT, "A point on the axis.", None, unit="metres"),
-        "direction": Key(DIRECTION, "Direction of the axis, of any length.", None),
+        **_AXIS,
         "intensity": Key(color(), "Radiant intensity within beam_width of the axis.", unit="W/sr"),
         "cutoff": Key(ANGLE, "Angle from the axis beyond which there is no light.", 20, unit="degrees"),
         "beam_width": Key(
@@ -94,9 +129,62 @@ _SPOT = Record(
             None,
             unit="degrees",
         ),
+        "texture": Key(
+            PROJECTED, "Name of an image or checkerboard, a factor of the intensity: it fills the square around the cone.", None
+        ),
+        "up": Key(DIRECTION, "Direction that is up in the texture.", [*_UP]),
     },
     _spot,
-    either=(("target",), ("direction",)),
+    either=_EITHER_AXIS,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class ProjectorLight:
+    """A point light that projects `texture` along the unit vector `direction`, with `up` (unit) upwards: a direction has the
+    light of the place where a camera with this `fov` (degrees) along `fov_axis` ("x" or "y") would see it. None outside.
+
+    `irradiance` in W/m2, times the texture, is that of a plane across the axis at a distance of 1: the radiant intensity at an
+    angle theta from the axis is irradiance * texture / cos(theta)^3.
+    """
+
+    position: Triple
+    direction: Triple
+    up: Triple
+    irradiance: Triple
+    texture: UVTexture
+    fov: float
+    fov_axis: str
+
+    @property
+    def half_extents(self) -> tuple[float, float]:
+        """Half the width and height of the image at a distance of 1 along the axis. A checkerboard is square."""
+        height, width = self.texture.pixels.shape[:2] if isinstance(self.texture, ImageTexture) else (1, 1)
+        half = math.tan(math.radians(self.fov) / 2.0)
+        return (half, half * height / width) if self.fov_axis == "x" else (half * width / height, half)
+
+
+def _projector(given: Given, context: SceneReader) -> ProjectorLight:
+    _check_up(given, direction := _direction(given))
+    values = (given[name] for name in ("up", "irradiance", "texture", "fov", "fov_axis"))
+    return ProjectorLight(given["position"], direction, *values)
+
+
+_PROJECTOR = Record(
+    "A point light that projects an image.",
+    {
+        "position": _POSITION,
+        **_AXIS,
+        "up": Key(DIRECTION, "Direction that is up in the image.", [*_UP]),
+        "irradiance": Key(
+            color(), "Irradiance of a plane across the axis at a distance of 1 m, where the texture is 1.", 1, unit="W/m²"
+        ),
+        "texture": Key(PROJECTED, "Name of the image, or of a checkerboard, which is square."),
+        "fov": Key(ANGLE, "Full angle of the image.", 40, unit="degrees"),
+        "fov_axis": Key(FOV_AXIS, "Axis of the image along which fov is measured.", "y"),
+    },
+    _projector,
+    either=_EITHER_AXIS,
 )
 
 
@@ -198,7 +286,7 @@ _ENVIRONMENT = Record(
         "image": Key(
             IMAGE_FILE, "File of a latitude-longitude image, +y up, .exr, .hdr or 8-bit, relative to the scene's folder.", None
         ),
-        "scale": Key(within(0, 1e30), "Factor of the light.", 1),
+        "scale": Key(within(0, LARGEST), "Factor of the light.", 1),
         "rotation": Key(
             Kind(_rotation, array_of(POINT.json, 3)),
             "Rows of the rotation of an image, which may mirror: it takes its directions to the scene's.",
@@ -225,12 +313,13 @@ class CustomLight:
         object.__setattr__(self, "options", all_options("light", self.plugin, self.options))
 
 
-Light = PointLight | DirectionalLight | SpotLight | EnvironmentLight | CustomLight
+Light = PointLight | DirectionalLight | SpotLight | ProjectorLight | EnvironmentLight | CustomLight
 LIGHTS = Variants(
     "light",
     {
         "point": _POINT,
         "spot": _SPOT,
+        "projector": _PROJECTOR,
         "directional": _DIRECTIONAL,
         "environment": _ENVIRONMENT,
         "plugin": PluginKind("light", "A light of one's own; loaded with --allow-imports alone.", CustomLight),

@@ -14,6 +14,7 @@ from engines.scene.attributes import Attributes, checked_attributes, of_copies
 from engines.scene.context import SceneReader
 from engines.scene.formats.mesh import MeshData, read_mesh
 from engines.scene.geometry import read_only, unit_rows, vertex_normals, with_face_normals
+from engines.scene.media import MediumInterface
 from engines.schema import fields
 from engines.schema.keys import Given, Key, Record
 from engines.schema.kinds import BOOLEAN, NUMBER, POINT, POSITIVE, ROWS, TEXT, Kind, array_of, integer
@@ -32,7 +33,7 @@ def is_singular(linear: NDArray[np.float64]) -> bool:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Mesh:
+class Mesh(MediumInterface):
     """Indexed triangles: `vertices` (n, 3) float64, `faces` (m, 3) int32, `materials` (m,) int32, one per face.
 
     `normals` (n, 3) unit vertex normals, or None where the mesh is flat-shaded. Faces of zero area may occur: they are
@@ -82,7 +83,7 @@ def read_only_mesh(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SphereSet:
+class SphereSet(MediumInterface):
     """Many spheres that make one shape (a sphereflake): `centers` (n, 3), `radii` (n,), one material."""
 
     centers: NDArray[np.float64]

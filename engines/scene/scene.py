@@ -1,8 +1,9 @@
 """The scene as a whole: what engines get, and the keys of a scene file with its JSON schema. The format: docs/guides/scene.md.
 
-Right-handed, metres, linear RGB. A `Triple` is three floats. Shapes and lights name materials by index into
-`Scene.materials`. The arrays are read-only float64/int32. Everything in a scene has been checked by the loader
-(`engines.scene.load`): engines may rely on finite numbers, unit plane normals and valid indices.
+Right-handed, metres, linear RGB. A `Triple` is three floats. Shapes name materials by index into
+`Scene.materials`, and as cameras do media by index into `Scene.media`. The arrays are read-only float64/int32. Everything in a
+scene has been checked by the loader (`engines.scene.load`): engines may rely on finite numbers, unit plane normals and valid
+indices.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from engines.scene.content import content_hash
 from engines.scene.context import SceneReader
 from engines.scene.lights import LIGHTS, Light
 from engines.scene.materials import MATERIAL, Material
+from engines.scene.media import MEDIUM, HomogeneousMedium
 from engines.scene.mesh import Mesh
 from engines.scene.shapes import SHAPE, Shape
 from engines.scene.textures import TEXTURES, MeshAttribute
@@ -53,6 +55,7 @@ class Scene:
     warnings: tuple[str, ...] = field(default=())
     shader: Mapping[str, Any] | None = None
     native: Any = None
+    media: tuple[HomogeneousMedium, ...] = ()
 
     @property
     def identity(self) -> str:
@@ -88,6 +91,13 @@ def attributes_lack(materials: Sequence[Material], shapes: Sequence[Shape]) -> s
     return None
 
 
+def _media(node: Located, context: SceneReader) -> tuple[HomogeneousMedium, ...]:
+    """Media by names of the user's own, which the context learns before the camera and the shapes are read."""
+    media = by_name(MEDIUM, "media").read(node, context)
+    context.media += media
+    return tuple(media.values())
+
+
 def _materials(node: Located, context: SceneReader) -> None:
     """Materials by names of the user's own, which the context's table learns before the shapes are read."""
     if node.value is not None and not isinstance(node.value, dict):
@@ -97,7 +107,7 @@ def _materials(node: Located, context: SceneReader) -> None:
 
 def _scene(given: Given, context: SceneReader) -> Scene:
     camera, shapes, lights = given["camera"], given["shapes"] or [], given["lights"] or []
-    return assembled(context, given["name"] or context.name, camera, shapes, lights)
+    return assembled(context, given["name"] or context.name, camera, shapes, lights, media=given["media"] or ())
 
 
 def assembled(
@@ -107,6 +117,7 @@ def assembled(
     shapes: Sequence[Shape],
     lights: Sequence[Light],
     shader: Mapping[str, Any] | None = None,
+    media: tuple[HomogeneousMedium, ...] = (),
 ) -> Scene:
     """The scene of what has been read, with the materials and warnings of the context. Raises `SceneError`."""
     materials = context.table.materials
@@ -117,10 +128,11 @@ def assembled(
         materials=tuple(materials),
         shapes=tuple(shapes),
         lights=tuple(lights),
-        content_hash=content_hash(camera, materials, shapes, lights),
+        content_hash=content_hash(camera, materials, shapes, lights, media),
         source=context.source,
         warnings=tuple(scene_warnings(context, shapes, lights)),
         shader=shader,
+        media=media,
     )
 
 
@@ -143,12 +155,14 @@ def _emits(materials: list[Material], shape: Shape) -> bool:
     return any(materials[index].emits for index in used)
 
 
+MEDIA = ContextKind(_media, by_name(MEDIUM, "media").schema())
 MATERIALS = ContextKind(_materials, by_name(MATERIAL, "materials").schema())
 SCENE = Record(
     "A scene.",
     {
         "raybench_scene": Key(integer(FORMAT, FORMAT), "Version of the format."),
         "name": Key(TEXT, "Title of the scene, by default the name of its file.", None),
+        "media": Key(MEDIA, "Media by names of your own.", None),
         "camera": Key(CAMERA, "The camera."),
         "textures": Key(TEXTURES, "Textures by names of your own.", None),
         "materials": Key(MATERIALS, "Materials by names of your own.", None),

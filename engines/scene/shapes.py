@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from engines.scene.bsdf_tree import is_textured
 from engines.scene.context import SceneReader
 from engines.scene.geometry import has_area, read_only
+from engines.scene.media import NAMED_MEDIUM, MediumInterface
 from engines.scene.mesh import MESH, Mesh, SphereSet
 from engines.scene.procedural import PROCEDURAL
 from engines.scene.triple import Triple
@@ -38,7 +39,7 @@ _RADIUS = Key(POSITIVE, "Radius of the shape.", unit="metres")
 
 
 @dataclass(frozen=True, slots=True)
-class Plane:
+class Plane(MediumInterface):
     """Infinite; `normal` is unit and points to the front."""
 
     point: Triple
@@ -57,7 +58,7 @@ _PLANE = Record(
 
 
 @dataclass(frozen=True, slots=True)
-class Sphere:
+class Sphere(MediumInterface):
     """Outside is the front: the normal points away from `center`; `radius` is above zero."""
 
     center: Triple
@@ -73,7 +74,7 @@ _SPHERE = Record("A sphere. Its outside is the front.", {"center": _CENTER, "rad
 
 
 @dataclass(frozen=True, slots=True)
-class Disk:
+class Disk(MediumInterface):
     """Flat and round; `normal` is unit and points to the front; `radius` is above zero. One that emits is sampled."""
 
     center: Triple
@@ -91,7 +92,7 @@ _DISK = Record("A flat disk.", {"center": _CENTER, "normal": _NORMAL, "radius": 
 
 
 @dataclass(frozen=True, slots=True)
-class Cylinder:
+class Cylinder(MediumInterface):
     """The side of a cylinder about the axis from `p0` to `p1`, open at both ends. Its outside is the front. One that emits
     is sampled."""
 
@@ -123,7 +124,7 @@ _CYLINDER = Record(
 
 
 @dataclass(frozen=True, slots=True)
-class Triangle:
+class Triangle(MediumInterface):
     """Counter-clockwise seen from the front: the normal is (b - a) x (c - a)."""
 
     a: Triple
@@ -175,6 +176,12 @@ def as_spheres(shape: Shape) -> SphereSet | None:
     return shape if isinstance(shape, SphereSet) else None
 
 
+_MEDIUM = {
+    "interior": Key(NAMED_MEDIUM, "Name of the medium behind the shape; without it, vacuum if there is an exterior.", None),
+    "exterior": Key(
+        NAMED_MEDIUM, "Name of the medium in front of the shape; without it, vacuum if there is an interior.", None
+    ),
+}
 SHAPES = Variants(
     "shape",
     {
@@ -192,13 +199,14 @@ SHAPES = Variants(
             Kind(fields.text, {"anyOf": [TEXT.json, {"type": "array", "items": TEXT.json, "minItems": 1}]}),
             "Name of one of the materials; a mesh from an OBJ file may leave it to the file, and one from a PLY file may have "
             "a list, to which a column 'material' of its faces points.",
-        )
+        ),
+        **_MEDIUM,
     },
 )
 
 
 def _shape(node: Located, context: SceneReader) -> Shape:
-    """A shape with its material."""
+    """A shape with its material and its media."""
     kind = SHAPES.choose(node)
     body, named = node.value[kind], node.value.get("material")
     several = named.value if named is not None and isinstance(named.value, list) else []
@@ -210,6 +218,9 @@ def _shape(node: Located, context: SceneReader) -> Shape:
     if named is None and file is None:
         raise node.refuse_key("material", "is missing")
     shape = SHAPES.records[kind].read(body, context)
+    sides = {side: key.kind.read(node.value[side], context) for side, key in _MEDIUM.items() if side in node.value}
+    if sides:
+        shape = replace(shape, **sides)
     check_area(node, shape, context)
     if isinstance(shape, Mesh) and shape.uvs is None and _shows_texture(shape, context):
         context.warnings.append(f"{shape.name} has no texture coordinates: each of its triangles shows {PART}")

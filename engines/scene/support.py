@@ -21,7 +21,7 @@ def refusal_of(scene: Scene) -> str | None:
     return refusal or attributes_lack(scene.materials, scene.shapes)
 
 
-KINDS = ("camera", "shape", "light", "BSDF", "texture")
+KINDS = ("camera", "shape", "light", "medium", "BSDF", "texture")
 """Kinds of the parts of a scene."""
 
 
@@ -45,6 +45,8 @@ def _parts(scene: Scene) -> Iterator[tuple[str, str, Any]]:
         yield f"shapes[{index}]: ", "shape", shape
     for index, light in enumerate(scene.lights):
         yield f"lights[{index}]: ", "light", light
+    for medium in scene.media:
+        yield f"medium {medium.name!r}: ", "medium", medium
     for material in scene.materials:
         where = f"material {material.name!r}: "
         if not isinstance(material.emission, tuple):

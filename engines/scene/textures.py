@@ -323,6 +323,17 @@ def named_texture(node: Located, context: Any) -> Texture:
     return context.textures[node.value]
 
 
+def _projected(node: Located, context: Any) -> UVTexture:
+    """The texture of the scene that is named here and that a light can show."""
+    texture = named_texture(node, context)
+    if isinstance(texture, MeshAttribute):
+        raise node.refuse("must be an image or a checkerboard: meshes alone have attributes")
+    return texture
+
+
+PROJECTED = ContextKind(_projected, NAMED)
+
+
 def _textured(constant: Kind) -> ContextKind:
     """What a `constant` kind reads, or the name of a texture."""
 

@@ -19,8 +19,9 @@ from engines.scene.bsdf_tree import is_opaque
 from engines.scene.cameras import Camera, Orthographic, Perspective, PerspectiveArctan, ThinLens
 from engines.scene.formats.ply import write_ply
 from engines.scene.leaf_fields import LEAF_PLUGINS
-from engines.scene.lights import DirectionalLight, EnvironmentLight, Light, PointLight, SpotLight
+from engines.scene.lights import DirectionalLight, EnvironmentLight, Light, PointLight, ProjectorLight, SpotLight
 from engines.scene.materials import Material
+from engines.scene.media import HomogeneousMedium
 from engines.scene.mesh import Mesh, SphereSet
 from engines.scene.models import Mixture
 from engines.scene.scene import FORMAT, Scene
@@ -79,11 +80,13 @@ class _Writer:
     def scene(self, scene: Scene) -> Keys:
         names = [self.name("materials", material.name) for material in scene.materials]
         materials = {name: self.material(each) for name, each in zip(names, scene.materials, strict=True)}
-        shapes = [self.shape(shape, names) for shape in scene.shapes]
+        media = [self.name("media", medium.name) for medium in scene.media]
+        shapes = [{**self.shape(shape, names), **_sides(shape, media)} for shape in scene.shapes]
         keys = {
             "raybench_scene": FORMAT,
             "name": scene.name,
-            "camera": _camera(scene.camera),
+            "media": {name: _medium(medium) for name, medium in zip(media, scene.media, strict=True)},
+            "camera": _camera(scene.camera, media),
             "textures": self.tree,
             "materials": materials,
             "shapes": shapes,
@@ -185,7 +188,7 @@ class _Writer:
             spheres = {"centers": shape.centers.tolist(), "radii": shape.radii.tolist()}
             return {"spheres": spheres, "material": names[shape.material]}
         kind = _SHAPES[type(shape)]
-        keys = {item.name: _plain(getattr(shape, item.name)) for item in fields(shape) if item.name != "material"}
+        keys = {item.name: _plain(getattr(shape, item.name)) for item in fields(shape) if item.name not in _NAMED}
         if isinstance(shape, Disk | Plane):
             keys["normal"] = _direction(shape.normal)
         return {kind: keys, "material": names[shape.material]}
@@ -208,15 +211,13 @@ class _Writer:
             irradiance = _color(light.irradiance)
             return {"directional": {"direction": _direction(light.direction), "irradiance": irradiance}}
         if isinstance(light, SpotLight):
-            return {
-                "spot": {
-                    "position": [*light.position],
-                    "direction": _direction(light.direction),
-                    "intensity": _color(light.intensity),
-                    "cutoff": light.cutoff,
-                    "beam_width": light.beam_width,
-                }
-            }
+            cone = {"cutoff": light.cutoff, "beam_width": light.beam_width}
+            shown = {} if light.texture is None else {"texture": self.texture(light.texture), "up": _direction(light.up)}
+            return {"spot": {**_axis(light), "intensity": _color(light.intensity), **cone, **shown}}
+        if isinstance(light, ProjectorLight):
+            frame = {"up": _direction(light.up), "fov": light.fov, "fov_axis": light.fov_axis}
+            shown = {"irradiance": _color(light.irradiance), "texture": self.texture(light.texture)}
+            return {"projector": {**_axis(light), **shown, **frame}}
         assert isinstance(light, EnvironmentLight)
         image = {} if light.image is None else {"image": self.sky(light.image)}
         how = _other_than(light, {"rotation": EnvironmentLight(WHITE).rotation, "rows": "cells"}) if image else {}
@@ -239,16 +240,30 @@ _CAMERAS = {
     PerspectiveArctan: "perspective_arctan",
     Orthographic: "orthographic",
 }
+_SIDES = ("interior", "exterior")
+_NAMED = ("material", *_SIDES)
+"""Fields of shapes that are places in lists of the scene."""
 _WRAPPERS = {Mask: "mask", Blend: "blend", Bump: "bump", NormalMap: "normal_map"}
 
 
-def _camera(camera: Camera) -> Keys:
+def _medium(medium: HomogeneousMedium) -> Keys:
+    anisotropic = {"g": medium.g} if medium.g else {}
+    return {"sigma_t": _color(medium.sigma_t), "albedo": _color(medium.albedo), **anisotropic}
+
+
+def _sides(shape: Shape, media: list[str]) -> Keys:
+    """The names of the media on its sides."""
+    return {side: media[index] for side in _SIDES if (index := getattr(shape, side)) is not None}
+
+
+def _camera(camera: Camera, media: list[str]) -> Keys:
     keys = {item.name: _plain(getattr(camera, item.name)) for item in fields(camera)}
+    medium = keys.pop("medium")
     defaults = {"principal_point": [0.0, 0.0], "mirror": False, "clip": [0.0, math.inf], "width": None, "height": None}
     for key, default in defaults.items():
         if key in keys and keys[key] == default:
             del keys[key]
-    return {"type": _CAMERAS[type(camera)], **keys}
+    return {"type": _CAMERAS[type(camera)], **keys, **({} if medium is None else {"medium": media[medium]})}
 
 
 KNOWN: frozenset[type] = frozenset(
@@ -260,7 +275,9 @@ KNOWN: frozenset[type] = frozenset(
         PointLight,
         DirectionalLight,
         SpotLight,
+        ProjectorLight,
         EnvironmentLight,
+        HomogeneousMedium,
         *LEAF_PLUGINS,
         *_WRAPPERS,
         Mixture,
@@ -293,6 +310,10 @@ def _placing(to_uv: tuple[float, ...]) -> Keys:
     if b == d == 0.0:
         return {"scale": [a, e], "offset": [c, f]}
     return {"to_uv": [[a, b, c], [d, e, f]]}
+
+
+def _axis(light: SpotLight | ProjectorLight) -> Keys:
+    return {"position": [*light.position], "direction": _direction(light.direction)}
 
 
 def _direction(direction: Triple) -> list[float]:

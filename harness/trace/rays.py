@@ -27,6 +27,7 @@ from engines.scene import (
     Orthographic,
     Perspective,
     PointLight,
+    ProjectorLight,
     Scene,
     Shape,
     Sphere,
@@ -202,7 +203,7 @@ class _Maker:
 
 def _maker(light: object) -> _Maker | None:
     match light:
-        case PointLight() | SpotLight():
+        case PointLight() | SpotLight() | ProjectorLight():
             return _Maker(lambda normals, rng: np.tile(light.position, (len(normals), 1)), False)
         case DirectionalLight():
             return _Maker(lambda normals, rng: np.tile(-np.array(light.direction), (len(normals), 1)), True)

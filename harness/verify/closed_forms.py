@@ -1,4 +1,4 @@
-"""Closed forms of irradiance and form factors, per unit of radiance; the normal of a floor is +y."""
+"""Closed forms: irradiance and form factors, per unit of radiance (the normal of a floor is +y), metals, media."""
 
 from __future__ import annotations
 
@@ -104,3 +104,33 @@ def roulette_second_moment(emission: float, rho: float, survival: float) -> floa
     L = E sum of (rho / survival)^k over the segments reached; infinite where rho^2 >= survival.
     """
     return emission**2 * (1 + rho) / ((1 - rho) * (1 - rho * rho / survival))
+
+
+def henyey_greenstein(g: float, cosine: float) -> float:
+    """The phase function, per solid angle, by the cosine of the angle that light is turned by."""
+    return (1 - g * g) / (4 * math.pi * (1 + g * g - 2 * g * cosine) ** 1.5)
+
+
+def back_scattering(depth: float, albedo: float, g: float) -> float:
+    """Radiance of light that a slab of this optical depth scatters once, back along the sun's rays, per unit of irradiance."""
+    return albedo * henyey_greenstein(g, -1.0) * (1 - math.exp(-2 * depth)) / 2
+
+
+def forward_scattering(depth: float, albedo: float, g: float) -> float:
+    """The same through the slab, on along the sun's rays."""
+    return albedo * henyey_greenstein(g, 1.0) * depth * math.exp(-depth)
+
+
+def half_space(albedo: float, incident: float, seen: float) -> float:
+    """Radiance at the cosine `seen` of isotropic scatterers that fill all below a plane, under rays at the cosine `incident`,
+    of irradiance 1 across them (Chandrasekhar 1950, Radiative Transfer, 123)."""
+    nodes, weights = np.polynomial.legendre.leggauss(64)
+    mu, weights = (nodes + 1) / 2, weights / 2
+    h = np.ones(mu.size)
+
+    def at(cosine: float) -> float:
+        return 1 / (math.sqrt(1 - albedo) + albedo / 2 * float((weights * mu * h / (cosine + mu)).sum()))
+
+    for _ in range(200):
+        h = np.array([at(cosine) for cosine in mu])
+    return albedo / (4 * math.pi) * incident / (incident + seen) * at(incident) * at(seen)

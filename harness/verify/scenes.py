@@ -9,7 +9,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from engines.scene import EnvironmentLight, Light, Material, Mesh, Perspective, Plane, Scene, Shape, Sphere, Triangle
+from engines.scene import (
+    EnvironmentLight,
+    HomogeneousMedium,
+    Light,
+    Material,
+    Mesh,
+    Perspective,
+    Plane,
+    Scene,
+    Shape,
+    Sphere,
+    Triangle,
+)
 
 Array = NDArray[np.float64]
 Triple = tuple[float, float, float]
@@ -38,9 +50,14 @@ def glass(ior: float = 1.5) -> Material:
 
 
 def scene(
-    shapes: Sequence[Shape] = (), materials: Sequence[Material] = (), lights: Sequence[Light] = (), camera: Any = FRONT_CAMERA
+    shapes: Sequence[Shape] = (),
+    materials: Sequence[Material] = (),
+    lights: Sequence[Light] = (),
+    camera: Any = FRONT_CAMERA,
+    media: Sequence[HomogeneousMedium] = (),
 ) -> Scene:
-    return Scene("verify", camera, tuple(materials) or (material(kd=0.5),), tuple(shapes), tuple(lights), "")
+    materials = tuple(materials) or (material(kd=0.5),)
+    return Scene("verify", camera, materials, tuple(shapes), tuple(lights), "", media=tuple(media))
 
 
 def point_view(eye: ArrayLike, target: ArrayLike, side: int = 1, up: Triple = (0.0, 1.0, 0.0)) -> Perspective:

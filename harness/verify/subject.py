@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from engines.choices import UNBIASED, own_samplers, shaders_and_samplers
 from engines.errors import RaybenchError
 from engines.interface import Engine, Hits, Renderer, Settings
-from engines.scene import Light, Material, Scene, Shape
+from engines.scene import HomogeneousMedium, Light, Material, Scene, Shape
 from harness.verify.scenes import FRONT_CAMERA, UNIT_TRIANGLE, sphere
 from harness.verify.scenes import scene as scene_of
 from harness.verify.tolerances import tracing_precision
@@ -108,10 +108,11 @@ class Subject:
         camera: Any,
         shader: Any,
         spp: int = 1,
+        media: Sequence[HomogeneousMedium] = (),
         **settings: Any,
     ) -> Array:
         """(height, width) red channel of the mean; infinite everywhere where the film holds a bad sample."""
-        film = self.renderer(scene_of(shapes, materials, lights, camera), shader=shader, **settings).render(spp)
+        film = self.renderer(scene_of(shapes, materials, lights, camera, media), shader=shader, **settings).render(spp)
         seen = film.mean()[:, :, 0]
         return np.full_like(seen, np.inf) if film.bad_samples else seen
 

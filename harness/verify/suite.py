@@ -23,6 +23,7 @@ from harness.verify.checks import (
     glass,
     lights,
     materials,
+    media,
     models,
     rays,
     sampling,
@@ -37,7 +38,7 @@ from harness.verify.subject import Skipped, Subject, accelerator_names, precisio
 from harness.verify.tolerances import ENGINE_TOLERANCES, Tolerance
 
 _TRACING = (spheres, cylinders, triangles, accelerators, rays, spawned_rays, cameras)
-_RENDERING = (glass, materials, models, textures, furnaces, lights, skies, sampling, stability)
+_RENDERING = (glass, materials, models, textures, furnaces, lights, skies, media, sampling, stability)
 CASES: tuple[Case, ...] = tuple(case for module in (*_TRACING, *_RENDERING) for case in module.SECTION.cases)
 """Every case, in the order of the tables."""
 

@@ -1,4 +1,4 @@
-"""Objects that can be dragged: spheres, emitting shapes, point and spot lights; and the scene with an object moved."""
+"""Objects that can be dragged: spheres, emitting shapes, lights that stand at a point; and the scene with an object moved."""
 
 from __future__ import annotations
 
@@ -8,8 +8,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from engines.scene import Cylinder, Disk, Mesh, PointLight, Scene, Shape, Sphere, SpotLight, Triangle
+from engines.scene import Cylinder, Disk, Mesh, PointLight, ProjectorLight, Scene, Shape, Sphere, SpotLight, Triangle
 from harness.view.projection import Vector
+
+_PLACED = PointLight | SpotLight | ProjectorLight
+"""Lights that stand at a point."""
+_KINDS = {PointLight: "point", SpotLight: "spot", ProjectorLight: "projector"}
 
 
 class Draggable(NamedTuple):
@@ -50,8 +54,8 @@ def _shapes(scene: Scene) -> Iterator[Draggable]:
 
 def _lights(scene: Scene) -> Iterator[Draggable]:
     for index, light in enumerate(scene.lights):
-        if isinstance(light, (PointLight, SpotLight)):
-            kind = "point" if isinstance(light, PointLight) else "spot"
+        if isinstance(light, _PLACED):
+            kind = _KINDS[type(light)]
             yield Draggable(f"light:{index}", f"{kind} light {index + 1}", kind)
 
 
@@ -59,7 +63,7 @@ def center(scene: Scene, draggable: Draggable) -> Vector:
     """The centre of an object; for triangles and meshes that of the bounding box, for cylinders that of the axis."""
     if not draggable.is_shape:
         light = scene.lights[draggable.scene_index]
-        assert isinstance(light, (PointLight, SpotLight))
+        assert isinstance(light, _PLACED)
         return np.array(light.position)
     shape = scene.shapes[draggable.scene_index]
     if isinstance(shape, (Sphere, Disk)):
@@ -73,14 +77,14 @@ def _corners(shape: Any) -> tuple[Any, ...]:
 
 
 def moved(scene: Scene, draggable: Draggable, offset: Vector) -> Scene:
-    """The scene with an object moved by `offset`; a spot light keeps its direction. The content hash is not updated."""
+    """The scene with an object moved by `offset`; a light keeps its direction. The content hash is not updated."""
     if draggable.is_shape:
         shapes = list(scene.shapes)
         shapes[draggable.scene_index] = _moved_shape(shapes[draggable.scene_index], offset)
         return replace(scene, shapes=tuple(shapes))
     lights = list(scene.lights)
     light = lights[draggable.scene_index]
-    assert isinstance(light, (PointLight, SpotLight))
+    assert isinstance(light, _PLACED)
     lights[draggable.scene_index] = replace(light, position=_triple(np.array(light.position) + offset))
     return replace(scene, lights=tuple(lights))
 

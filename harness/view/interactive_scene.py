@@ -114,10 +114,10 @@ class InteractiveScene:
         return None if place is None else (draggable, *place)
 
     def handles(self) -> list[dict[str, Any]]:
-        """Ids and pixel positions of the point and spot lights, which are dragged by handles."""
+        """Ids and pixel positions of the lights that are dragged by handles."""
         if isinstance(self.scene.camera, CustomCamera):
             return []
-        points = [draggable for draggable in self.draggables if draggable.kind in ("point", "spot")]
+        points = [draggable for draggable in self.draggables if not draggable.is_shape]
         placed = [self._with_position(draggable) for draggable in points]
         return [{"id": found[0].id, "x": found[1], "y": found[2]} for found in placed if found]
 

@@ -22,6 +22,7 @@ POSITION_KEYS = {
     "mesh": ("translate",),
     "point": ("position",),
     "spot": ("position", "target"),
+    "projector": ("position", "target"),
     "disk": ("center",),
     "cylinder": ("p0", "p1"),
     "procedural": ("center",),
@@ -53,7 +54,7 @@ def _moved(item: Mapping[str, Any], offset: Vector) -> dict[str, Any]:
         body["points"] = [_rounded(np.array(point) + offset) for point in body["points"]]
         return {**item, kind: body}
     keys = POSITION_KEYS["rectangle" if body.get("name") == "rectangle" else kind]
-    if "direction" in body:  # of a spot light, in the place of a target
+    if "direction" in body:  # of a light, in the place of a target
         keys = ("position",)
     for key in keys:
         body[key] = _rounded(np.array(body.get(key, (0.0, 0.0, 0.0))) + offset)

@@ -9,7 +9,7 @@ from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten import lights, materials
 from engines.kernels.flatten import scene as flatten_scene
 
-PROGRAMS = "programs", "textures", "attributes", "textured_emission", "uvs", "choices", "masks", "tilts"
+PROGRAMS = "programs", "textures", "attributes", "textured_emission", "light_frames", "uvs", "choices", "masks", "tilts"
 TABLES = "power_lights", "light_hierarchy", "light_cells", "turned_environment", "guided"
 SCENES = ["cornell_box", "two_spheres", "furnace"]
 pytestmark = pytest.mark.benchmark(max_time=0.5, min_rounds=5, disable_gc=True)

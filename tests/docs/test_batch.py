@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-SURFACE, LIGHT = {"hit_loads", "surface"}, {"light", "light_cells", "light_hierarchy", "resampling"}
+SURFACE, LIGHT = {"hit_loads", "surface"}, {"light", "light_cells", "light_frames", "light_hierarchy", "resampling"}
 RECORDS = {
     "hit": SURFACE | {"emission", "material"},
     "found": SURFACE,

@@ -52,10 +52,31 @@ def through(**camera):
     return seen(BALL, camera={**CAMERA, **camera})
 
 
+def lit_by(light):
+    return seen(textures={"t": IMAGE | {"filter": "bilinear", "to_uv": [[1.2, 0.5, 0.1], [-0.4, 0.9, 0.7]]}}, lights=[light])
+
+
 FLAT = {"type": "orthographic", "height": 2.5}
 FLAT_CAMERA = {key: value for key, value in CAMERA.items() if key != "fov"} | FLAT
 SMOOTH = SQUARE | {"mesh": {**SQUARE["mesh"], "vertices": [[-1, -1, 0], [1, -1, 0.5], [1, 1, 0], [-1, 1, 0.5]], "smooth": True}}
+FOG, SMOKE = {"sigma_t": 0.1, "albedo": 0.7, "g": -0.3}, {"sigma_t": [0.8, 1, 1.3], "albedo": [0.9, 0.5, 0.7], "g": 0.6}
+CLEAR, MEDIA = {"null": {}}, {"fog": FOG, "smoke": SMOKE}
+AROUND = {"sphere": {"center": [0, 0, 0], "radius": 6}, "material": "m", "interior": "fog"}
+
+
+def before(shape):
+    """Fog in front of a shape that is seen from there, and vacuum behind."""
+    return of(CLEAR, shape, camera=FLAT_CAMERA, media=MEDIA) | {"shapes": [{**shape, "material": "m", "exterior": "fog"}]}
+
+
 SCENES = {
+    "medium": of(CLEAR, {**BALL, "interior": "smoke"}, media=MEDIA),
+    "media around each other": of(CLEAR, camera={**CAMERA, "medium": "fog", "clip": [0.5, 100]}, media=MEDIA)
+    | {"shapes": [AROUND, {**BALL, "material": "m", "interior": "smoke", "exterior": "fog"}]},
+    "fog before a mesh": before(SQUARE),
+    "fog before a disk": before({"disk": {"center": [0, 0, 0], "normal": [1, 2, 3], "radius": 0.9}}),
+    "fog before a plane": before({"plane": {"point": [0, -0.5, 0], "normal": [0.2, 1, 0.1]}}),
+    "fog before a cylinder": before({"cylinder": {"p0": [-1, 0, 0], "p1": [0.8, 0.5, 0], "radius": 0.4}}),
     "offset": textured(offset=[0.3, 0.6]),
     "scale and offset": textured(scale=[2, 3], offset=[0.3, 0.6], wrap="mirror"),
     "matrix": textured(to_uv=[[1.2, 0.5, 0.1], [-0.4, 0.9, 0.7]], wrap="clamp"),
@@ -84,6 +105,12 @@ SCENES = {
     "point": seen(lights=[{"point": {"position": [0.5, 1, 2], "intensity": [3, 2, 1]}}]),
     "sun": seen(lights=[{"directional": {"direction": [1, -1, -2], "irradiance": 2}}]),
     "spot": seen(lights=[{"spot": {"position": [0, 1, 2], "target": [0, 0, 0], "intensity": 4, "cutoff": 40}}]),
+    "spot with a texture": lit_by(
+        {"spot": {"position": [0.1, 0.2, 2], "target": [0, 0, 0], "intensity": 4, "cutoff": 20, "texture": "t"}}
+    ),
+    "projector": lit_by(
+        {"projector": {"position": [0.1, 0.2, 2], "target": [0, 0, 0], "irradiance": [4, 5, 6], "fov": 40, "texture": "t"}}
+    ),
     "mirrored camera": through(mirror=True, fov_axis="x"),
     "shifted camera": through(principal_point=[0.1, -0.2]),
     "clipped camera": through(clip=[3.1, 3.6]),
@@ -97,7 +124,7 @@ is two, a hair apart, and a sky has rows between its own. The means of their ima
 
 
 def rendered(scene, spp):
-    shader = {"name": "path_tracer", "max_depth": 3, "rr_depth": 100}
+    shader = {"name": "volumetric_path_tracer" if scene.media else "path_tracer", "max_depth": 3, "rr_depth": 100}
     settings = Settings(SIDE, SIDE, shader=shader, sampler="sobol", seed=3)
     return engines.engine("numpy").prepare(scene, settings).render(spp).sums / spp
 

@@ -40,7 +40,10 @@ SCENE = """<?xml version="1.0" encoding="utf-8"?>
     <bsdf type="principled"><float name="metallic" value="0.5"/></bsdf></shape>
   <emitter type="envmap"><string name="filename" value="t.png"/>
     <transform name="to_world"><rotate y="1" angle="9"/></transform></emitter>
-  <emitter type="spot"><float name="cutoff_angle" value="30"/><spectrum name="intensity" value="400:1, 500:2"/></emitter>
+  <emitter type="spot"><float name="cutoff_angle" value="30"/><spectrum name="intensity" value="400:1, 500:2"/>
+    <texture name="texture" type="bitmap"><string name="filename" value="t.png"/></texture></emitter>
+  <emitter type="projector"><float name="fov" value="30"/><float name="scale" value="2"/>
+    <texture name="irradiance" type="checkerboard"/></emitter>
 </scene>
 """
 MORE = """<scene version="0.5.0">

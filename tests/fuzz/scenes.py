@@ -61,6 +61,19 @@ TREE = {
                 "intensity": 1.0,
                 "cutoff": 30.0,
                 "beam_width": 20.0,
+                "texture": "map",
+                "up": [0.0, 0.5, 1.0],
+            }
+        },
+        {
+            "projector": {
+                "position": [0.5, 3.0, 0.5],
+                "direction": [0.5, -1.0, 0.5],
+                "up": [0.5, 0.5, 1.0],
+                "irradiance": [1.0, 0.5, 0.25],
+                "texture": "tiles",
+                "fov": 30.0,
+                "fov_axis": "x",
             }
         },
     ],

@@ -128,6 +128,34 @@ def test_surfaces_that_light_passes_and_emitters_that_hide_agree_with_the_refere
     _assert_equivalent(theirs, _replicates(engines.engine("numpy"), scene, shader, 2, 3))
 
 
+def _media():
+    """A coloured ball and a masked pane in fog around the camera, over a floor, under a lamp and the sky. The light of a
+    point in fog has a variance without bound."""
+    scene = _panes()
+    scene["lights"] = scene["lights"][1:]
+    scene["camera"] |= {"medium": "fog"}
+    scene["media"] = {
+        "fog": {"sigma_t": 0.15, "albedo": [0.9, 0.7, 0.5], "g": 0.4},
+        "smoke": {"sigma_t": [1.5, 1.7, 2], "albedo": 0.9, "g": -0.4},
+    }
+    around = {"sphere": {"center": [0, 0, 0], "radius": 6}, "material": "nothing", "interior": "fog"}
+    scene["shapes"] = [around, *scene["shapes"]]
+    scene["shapes"][4] |= {"interior": "smoke", "exterior": "fog"}
+    return engines.scene_from(scene)
+
+
+@pytest.mark.parametrize("engine", [SCALAR, WAVEFRONT], ids=lambda engine: engine.name)
+def test_media_agree_with_the_reference(engine):
+    shader = {"name": "volumetric_path_tracer", "max_depth": 5, "rr_depth": 3}
+    theirs = _replicates(engine, _media(), shader, 1, 4)
+    _assert_equivalent(theirs, _replicates(engines.engine("numpy"), _media(), shader, 2, 4))
+
+
+def test_media_that_mitsuba_cannot_sample_are_declined():
+    clear = engines.scene_from({**_panes(), "media": {"clear": {"sigma_t": [0, 1, 1], "albedo": 1}}})
+    assert "above 0 in every channel" in (SCALAR.why_not(clear, Settings(sampler="random")) or "")
+
+
 def test_a_bump_around_what_light_passes_is_declined_with_transparent_shadows():
     scene = engines.scene_from(_panes("wavy", wavy={"bump": {"height": "height", "scale": 0.1, "of": "tinted"}}))
     for transparent in (False, True):

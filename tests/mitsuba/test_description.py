@@ -261,7 +261,7 @@ def test_an_environment_is_looked_up_with_its_rotation_and_rows(rows):
     turn = np.linalg.qr(RNG.normal(size=(3, 3)))[0]
     image = RNG.random((5, 8, 3))
     light = EnvironmentLight((2.0, 1.0, 0.5), image, tuple(map(tuple, turn)), rows)
-    found = mi.load_dict(_with_transforms(mi, light_node(light, placing())))
+    found = mi.load_dict(_with_transforms(mi, light_node(light, placing(), Textures(placing()))))
     directions = RNG.normal(size=(20, 3))
     for direction in directions / np.linalg.norm(directions, axis=1, keepdims=True):
         x, y, z = turn.T @ direction

@@ -33,7 +33,9 @@ FOG = """\
     </film>
     <sampler type="{sampler}"/>
   </sensor>
-  <medium type="homogeneous" id="fog"><rgb name="sigma_t" value="0.7 0.8 0.9"/><rgb name="albedo" value="0.9"/></medium>
+  <medium type="homogeneous" id="fog">
+    <rgb name="sigma_t" value="0.7 0.8 0.9"/><rgb name="albedo" value="0.9"/><phase type="rayleigh"/>
+  </medium>
   <shape type="sphere">
     <point name="center" x="0" y="0.8" z="0"/><float name="radius" value="0.8"/>
     <bsdf type="null"/><ref name="interior" id="fog"/>

@@ -38,6 +38,11 @@ lights:
   - {spot: {position: [0, 3, 0], target: [0, 1, 0], intensity: 5, cutoff: 30, beam_width: 20}}
 """
 
+BEAM = "beam_width: 20}}"
+SPOT = "spot: {position: [0, 3, 0], target: [0, 1, 0], intensity: 5, cutoff: 30, beam_width: 20}}"
+PROJECTOR = "projector: {position: [0, 3, 0], target: [0, 1, 0]"
+TEXTURES = "}}\ntextures: {t: {checkerboard: {}}, a: {attribute: face_color}}"
+
 # What to replace, with what, and the message after the file's name. Values of another type, those far out of range, unknown
 # and missing keys are those of test_scene_refusals.py, and the words about them those of tests/schema.
 CASES = [
@@ -145,6 +150,21 @@ CASES = [
     ),
     ("target: [0, 1, 0], i", "direction: [0, 0, 0], i", ":24 lights[3].spot.direction: must not be the zero vector"),
     ("beam_width: 20", "beam_width: 31", ":24 lights[3].spot.beam_width = 31: must not exceed cutoff, which is 30"),
+    ("cutoff: 30", "up: [1, 0, 0]", ":24 lights[3].spot.up: belongs to a texture: a cone is the same all around"),
+    ("cutoff: 30", "texture: t", ":24 lights[3].spot.texture = 't': must be the name of a texture, and"),
+    (BEAM, f"texture: t{TEXTURES}", ":24 lights[3].spot: up must not be parallel to the axis of the light"),
+    (BEAM, f"texture: t, up: [0, 9, 0]{TEXTURES}", ":24 lights[3].spot.up: up must not be parallel to the axis of the light"),
+    (BEAM, f"texture: a, up: [1, 0, 0]{TEXTURES}", ":24 lights[3].spot.texture = 'a': must be an image or a checkerboard"),
+    (
+        f"cutoff: 30, {BEAM}",
+        f"cutoff: 90, texture: t, up: [1, 0, 0]{TEXTURES}",
+        ":24 lights[3].spot.cutoff = 90: must be below 90",
+    ),
+    # projectors
+    (SPOT, f"{PROJECTOR}, texture: t{TEXTURES}", ":24 lights[3].projector: up must not be parallel to the axis of the light"),
+    (SPOT, f"{PROJECTOR}, texture: u{TEXTURES}", ":24 lights[3].projector.texture = 'u': unknown texture: known: a, t"),
+    (SPOT, f"{PROJECTOR}, texture: t, fov: 180{TEXTURES}", ":24 lights[3].projector.fov = 180: must lie in (0, 180) degrees"),
+    (SPOT, f"{PROJECTOR}{TEXTURES}", ":24 lights[3].projector.texture: is missing"),
 ]
 
 

@@ -73,8 +73,11 @@ WRONG = {
         ),
         ["no.png", "no such file"],
     ),
-    "medium": (shape_with('<medium name="interior" type="homogeneous"/>'), ["media"]),
-    "medium by reference": ('<medium id="fog" type="homogeneous"/>' + shape_with('<ref name="interior" id="fog"/>'), ["media"]),
+    "medium": (shape_with('<medium name="interior" type="heterogeneous"/>'), ["media", "homogeneous"]),
+    "medium by reference": (
+        '<medium id="fog" type="heterogeneous"/>' + shape_with('<ref name="interior" id="fog"/>'),
+        ["media"],
+    ),
     "subsurface": (shape_with('<subsurface type="dipole"/>'), ["below the surface"]),
     "instance": ('<shape type="instance"/>', ["a shapegroup"]),
     "two environments": (LAMP + '<emitter type="constant"/>\n<emitter type="constant"/>', ["s.xml:3", "second environment"]),
@@ -83,6 +86,24 @@ WRONG = {
         '<emitter type="sunsky"><transform name="to_world"><scale x="2"/></transform></emitter>',
         ["rotation"],
     ),
+    "spot light with a colour as texture": (
+        '<emitter type="spot"><texture type="uniform" name="texture"><rgb name="color" value="1"/></texture></emitter>',
+        ["texture", "image or a checkerboard"],
+    ),
+    "wide spot light with a texture": (
+        '<emitter type="spot"><float name="cutoff_angle" value="90"/><texture type="checkerboard" name="texture"/></emitter>',
+        ["cutoff_angle", "below 90"],
+    ),
+    "projector that is stretched": (
+        '<emitter type="projector"><transform name="to_world"><scale x="2"/></transform></emitter>',
+        ["stretch"],
+    ),
+    "projector with an attribute": (
+        '<emitter type="projector"><texture type="mesh_attribute" name="irradiance">'
+        '<string name="name" value="face_color"/></texture></emitter>',
+        ["projector", "image or a checkerboard"],
+    ),
+    "projector without an angle": ('<emitter type="projector"><float name="fov" value="180"/></emitter>', ["fov", "(0, 180)"]),
     "unknown id": (shape_with('<ref id="none"/>'), ["none", "no such id"]),
     "id twice": ('<bsdf id="a" type="diffuse"/>\n<bsdf id="a" type="diffuse"/>', ["s.xml:3", "s.xml:2"]),
     "property twice": (shape_with('<float name="radius" value="1"/><float name="radius" value="2"/>'), ["twice", "line 2"]),

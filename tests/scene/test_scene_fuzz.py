@@ -76,6 +76,13 @@ lights = st.one_of(
             )
         }
     ),
+    st.fixed_dictionaries(
+        {
+            "projector": st.fixed_dictionaries(
+                {"position": triple, "direction": direction, "texture": st.just("t")}, optional={"fov": st.floats(1, 179)}
+            )
+        }
+    ),
     st.fixed_dictionaries({"directional": st.fixed_dictionaries({"direction": direction, "irradiance": color})}),
     st.fixed_dictionaries({"environment": st.fixed_dictionaries({"radiance": color})}),
 )
@@ -92,6 +99,7 @@ def scenes(draw):
             "fov": draw(st.floats(1, 179)),
             "resolution": draw(st.lists(st.integers(1, 64), min_size=2, max_size=2)),
         },
+        "textures": {"t": {"checkerboard": {"a": draw(positive)}}},
         "materials": {"a": draw(materials), "b": draw(materials), "lamp": {"emission": draw(positive)}},
         "shapes": draw(st.lists(shapes, max_size=3)),
         "lights": draw(st.lists(lights, max_size=2)),

@@ -70,6 +70,26 @@ SCENE = {
         {"directional": {"direction": UP, "irradiance": 1.0}},
         {"environment": {"radiance": 1.0}},
         {"spot": {"position": POINT, "target": UP, "intensity": 5.0, "cutoff": 30.0, "beam_width": 20.0}},
+        {
+            "spot": {
+                "position": POINT,
+                "direction": [0.0, 0.5, 2.0],
+                "intensity": 5.0,
+                "texture": "tiles",
+                "up": [0.0, 1.0, 0.5],
+            }
+        },
+        {
+            "projector": {
+                "position": POINT,
+                "direction": [0.0, 0.5, 2.0],
+                "up": UP,
+                "irradiance": 5.0,
+                "texture": "tiles",
+                "fov": 30.0,
+                "fov_axis": "x",
+            }
+        },
     ],
 }
 SCHEMA = scene_schema()
@@ -105,7 +125,7 @@ def dotted(path):
 def refusal(file, scene, path, value):
     """The message about `scene` with `value` at `path`, or without a value where it is None, and the line of the file on which
     this stands."""
-    needed = {"raybench_scene", "camera", path[0], "materials" if path[0] == "shapes" else ""}
+    needed = {"raybench_scene", "camera", path[0], {"shapes": "materials", "lights": "textures"}.get(path[0], "")}
     changed = json.loads(json.dumps({key: part for key, part in scene.items() if key in needed}))
     inner = changed
     for step in path[:-1]:

@@ -91,6 +91,21 @@ FORMS = {
     "reflectance": {"materials": {"m": {"conductor": {"reflectance": 1, "alpha": 0.1, "distribution": "ggx"}}}},
     "target": {"lights": [{"spot": {"position": [0, 3, 0], "target": [0, 0, 0], "intensity": 1}}]},
     "direction": {"lights": [{"spot": {"position": [0, 3, 0], "direction": [0, 0, 1], "intensity": 1, "beam_width": 1}}]},
+    "shown": {
+        "textures": {"t": {"checkerboard": {}}},
+        "lights": [
+            {"spot": {"position": [0, 3, 0], "target": [0, 0, 0], "intensity": 1, "texture": "t", "up": [1, 0, 0]}},
+            {
+                "projector": {
+                    "position": [0, 3, 0],
+                    "direction": [0, 0, 1],
+                    "texture": "t",
+                    "fov_axis": "x",
+                    "irradiance": [1, 2, 3],
+                }
+            },
+        ],
+    },
     "disk": {"shapes": [{"disk": {"center": [0, 0, 0], "normal": [0, 0, 3], "radius": 1}, "material": "grey"}]},
     "scale": {
         "shapes": [
@@ -115,6 +130,7 @@ NOT = {
     "no plugin": {"lights": [{"plugin": {"x": 1}}]},
     "no module": {"materials": {"m": {"plugin": {"type": "own"}}}},
     "neither": {"lights": [{"spot": {"position": [0, 3, 0], "intensity": 1}}]},
+    "no texture": {"lights": [{"projector": {"position": [0, 3, 0], "target": [0, 0, 0]}}]},
     "three points": {
         "shapes": [{"procedural": {"name": "quad", "points": [[0, 0, 0], [1, 0, 0], [1, 1, 0]]}, "material": "grey"}]
     },

@@ -73,6 +73,17 @@ SCENE = {
     "lights": [
         {"point": {"position": [0, 3, 0], "intensity": 7, "falloff": "none"}},
         {"spot": {"position": [0, 3, 0], "direction": TILTED, "intensity": 7, "cutoff": 33, "beam_width": 11}},
+        {"spot": {"position": [0, 3, 0], "direction": TILTED, "intensity": 7, "texture": "wood", "up": [1, 2, 0]}},
+        {
+            "projector": {
+                "position": [0, 3, 0],
+                "direction": TILTED,
+                "texture": "tiles",
+                "up": [1, 2, 0],
+                "irradiance": [1, 2, 3],
+            }
+        },
+        {"projector": {"position": [0, 3, 0], "direction": TILTED, "texture": "grey", "fov": 33, "irradiance": [1, 2, 3]}},
         {"directional": {"direction": TILTED, "irradiance": [1, 2, 3]}},
         {
             "environment": {

@@ -33,6 +33,23 @@ class Fault(NamedTuple):
 
 FAULTS = [
     Fault(
+        "phase function: backwards",
+        "media.py",
+        "self.g[at.medium], -dot(at.wo, wi)",
+        "self.g[at.medium], dot(at.wo, wi)",
+        "med.once",
+    ),
+    Fault(
+        "media: interior and exterior exchanged", "media.py", "cosine, -cosine) > 0.0", "cosine, -cosine) < 0.0", "med.absorb"
+    ),
+    Fault(
+        "media: a channel of its own for each path",
+        "media.py",
+        "(share * density).sum(axis=0)",
+        "np.take_along_axis(density, channel[None], 0)",
+        "med.white",
+    ),
+    Fault(
         "sphere by b*b - 4ac",
         "shapes/sphere.py",
         "discriminant = radius * radius - dot(to_axis, to_axis)",

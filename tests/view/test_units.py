@@ -88,18 +88,20 @@ def test_a_moved_object_is_where_the_exported_scene_puts_it(name):
     _moves_as_exported(engines.load_scene(name))
 
 
+@pytest.mark.parametrize("kind", ["spot", "projector"])
 @pytest.mark.parametrize("aim", ["target: [0, 0, 1]", "direction: [0, -1, 0.5]"])
-def test_a_moved_spot_light_keeps_its_direction(aim, tmp_path):
+def test_a_moved_light_keeps_its_direction(aim, kind, tmp_path):
     (tmp_path / "spot.yaml").write_text(f"""\
 raybench_scene: 1
 camera: {{type: perspective, eye: [0, 0, 5], target: [0, 0, 0]}}
+textures: {{board: {{checkerboard: {{}}}}}}
 materials: {{lamp: {{emission: 1}}}}
 shapes: [{{disk: {{center: [0, 2, 0], normal: [0, -1, 0], radius: 1}}, material: lamp}}]
-lights: [{{spot: {{position: [0, 2, 0], {aim}, intensity: 1}}}}]
+lights: [{{{kind}: {{position: [0, 2, 0], {aim}, {"intensity: 1" if kind == "spot" else "texture: board"}}}}}]
 """)
     scene = engines.load_scene(tmp_path / "spot.yaml")
     again = _moves_as_exported(scene)
-    assert [item.kind for item in draggables(scene)] == ["light", "spot"]
+    assert [item.kind for item in draggables(scene)] == ["light", kind]
     assert again.lights[0].direction == pytest.approx(scene.lights[0].direction)
 
 

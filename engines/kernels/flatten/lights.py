@@ -5,7 +5,7 @@ A light's parameters are up to `LIGHT_PARAMETERS` numbers, whose meaning its kin
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,26 +13,29 @@ from numpy.typing import NDArray
 
 from engines.kernels.flatten import shapes
 from engines.kernels.flatten.plugins import kind_of, light_sample
-from engines.kernels.flatten.programs import plain_emission
+from engines.kernels.flatten.programs import NONE, plain_emission
 from engines.kernels.lane import lights as lane_lights
-from engines.kernels.rows import LightRow
+from engines.kernels.rows import LightFrameRow, LightRow
 from engines.scene import (
     CustomLight,
     Cylinder,
     DirectionalLight,
     Disk,
     EnvironmentLight,
+    Light,
     Material,
     Mesh,
     PointLight,
+    ProjectorLight,
     Sphere,
     SphereSet,
     SpotLight,
+    Texture,
     Triangle,
 )
 from engines.scene.support import option_numbers
 
-POINT, DIRECTIONAL, CONSTANT_ENVIRONMENT, IMAGE_ENVIRONMENT, MESH, SPHERE, DISK, SPOT, CYLINDER = range(9)
+POINT, DIRECTIONAL, CONSTANT_ENVIRONMENT, IMAGE_ENVIRONMENT, MESH, SPHERE, DISK, SPOT, CYLINDER, PROJECTOR = range(10)
 
 Reals = NDArray[np.float64]
 
@@ -60,6 +63,7 @@ MODELS: dict[int, LightModel] = {
     DISK: LightModel(lane_lights.sample_disk, 7, lane_lights.disk_pdf, shapes.DISK),
     SPOT: LightModel(lane_lights.sample_spot, 8),
     CYLINDER: LightModel(lane_lights.sample_cylinder, 7, lane_lights.cylinder_pdf, shapes.CYLINDER),
+    PROJECTOR: LightModel(lane_lights.sample_projector, 6),
 }
 """By kind; those of plugins are added where a scene has them."""
 
@@ -77,6 +81,11 @@ def _spot(light: SpotLight, center: Reals) -> list[float]:
     angles = np.radians([light.cutoff, light.beam_width])
     parameters = [*np.subtract(light.position, center), *light.direction, *angles]
     return LightRow.packed(kind=SPOT, color=light.intensity, parameters=parameters)
+
+
+def _projector(light: ProjectorLight, center: Reals) -> list[float]:
+    parameters = [*np.subtract(light.position, center), *light.direction]
+    return LightRow.packed(kind=PROJECTOR, color=light.irradiance, parameters=parameters)
 
 
 def _environment(light: EnvironmentLight, center: Reals) -> list[float]:
@@ -102,10 +111,27 @@ ROWS: dict[type, Callable[[Any, Reals], list[float]]] = {
     PointLight: _point,
     DirectionalLight: _directional,
     SpotLight: _spot,
+    ProjectorLight: _projector,
     EnvironmentLight: _environment,
     CustomLight: _plugin,
 }
 """How a light of the model becomes a row: (light, center) -> numbers."""
+
+
+def frame_rows(lights: Sequence[Light], texture: Callable[[Texture], int]) -> list[list[float]]:
+    """The frames of all listed lights, if one of them shows a texture, whose index is `texture` of it; else none."""
+    rows = [_frame(light, texture) for light in lights]
+    return rows if any(row[0] != NONE for row in rows) else []
+
+
+def _frame(light: Light, texture: Callable[[Texture], int]) -> list[float]:
+    if not isinstance(light, SpotLight | ProjectorLight) or light.texture is None:
+        return LightFrameRow.packed(texture=NONE)
+    right = np.cross(light.direction, light.up)
+    right /= np.linalg.norm(right)
+    down, (x, y) = np.cross(light.direction, right), light.half_extents
+    frame = {"axis": light.direction, "across": right / (2.0 * x), "down": down / (2.0 * y)}
+    return LightFrameRow.packed(texture=texture(light.texture), **frame)
 
 
 class LightList:

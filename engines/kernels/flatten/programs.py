@@ -121,7 +121,7 @@ class Programs:
         self.emission_textures = np.full(len(self.first), NONE, np.int32)
         for index in self.used:
             if isinstance(materials[index].emission, Texture):
-                self.emission_textures[index] = self._texture(materials[index].emission)
+                self.emission_textures[index] = self.texture(materials[index].emission)
 
     def _wanted(self, index: int) -> bool:
         """Whether a material has a program: it has wrappers or textures, or is anisotropic along texture coordinates."""
@@ -138,7 +138,7 @@ class Programs:
             return self._kept[id(bsdf)][1]
         if type(bsdf) in WRAPPERS:
             found = parts(bsdf)
-            texture = NONE if isinstance(found.value, int | float) else self._texture(found.value)
+            texture = NONE if isinstance(found.value, int | float) else self.texture(found.value)
             value = found.scale if texture >= 0 else float(found.value)
             first, second = [*map(self._node, found.of), NONE][:2]
             if isinstance(bsdf, Bump | NormalMap) and transmits(bsdf):
@@ -154,7 +154,7 @@ class Programs:
         first = len(self.lookups)
         for parameter, value in enumerate(parameters_of(leaf)):
             if isinstance(value, Lookup):
-                texture = self._texture(value.texture)
+                texture = self.texture(value.texture)
                 row = LookupRow.packed(
                     parameter=parameter, texture=texture, channel=value.channel, low=value.low, high=value.high
                 )
@@ -178,7 +178,8 @@ class Programs:
 
     # ---- textures ----------------------------------------------------------------------------------------------------
 
-    def _texture(self, texture: Texture) -> int:
+    def texture(self, texture: Texture) -> int:
+        """The index of a texture, which has one wherever it is used."""
         if id(texture) in self._kept:
             return self._kept[id(texture)][1]
         pixels = np.zeros(0, np.float32)

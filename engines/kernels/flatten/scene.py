@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from engines.kernels.compile.records import Field
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten import environment
-from engines.kernels.flatten.lights import MESH, LightList
+from engines.kernels.flatten.lights import MESH, LightList, frame_rows
 from engines.kernels.flatten.programs import Programs
 from engines.kernels.flatten.shapes import Geometry, collapse_degenerate
 from engines.kernels.layout import SLOTS, SceneTable
@@ -62,12 +62,15 @@ def flatten(scene: Scene, real: type, tracing: type) -> FlatScene:
     lights = LightList(scene, geometry.first_id, geometry.n, center)
     used = np.flatnonzero(np.bincount(geometry.joined(geometry.material)))
     programs = Programs(scene.materials, used, geometry.materials_on_uvs(), geometry.attribute_rows)
-    features = _features(scene, geometry, lights, programs)
+    frames = frame_rows(scene.lights, programs.texture)
+    features = _features(scene, geometry, lights, programs)._replace(light_frames=len(frames) > 0)
     flat = FlatScene(real, center, features, np.array(geometry.first_id, np.int64), bounds)
     _bind_shapes(flat, geometry)
     _bind_surfaces(flat, geometry, lights, programs)
     _bind_programs(flat, geometry, programs)
     _bind_lights(flat, lights)
+    if frames:
+        flat.bind(SceneTable.light_frames, np.array(frames))
     return flat
 
 
@@ -133,7 +136,7 @@ def _bind_surfaces(flat: FlatScene, geometry: Geometry, lights: LightList, progr
 
 
 def _bind_programs(flat: FlatScene, geometry: Geometry, programs: Programs) -> None:
-    """Programs, and the textures of these and of emission, in scenes that have some."""
+    """Programs, and the textures of these, of emission and of lights, in scenes that have some."""
     table = SceneTable
     if programs.textures:
         flat.bind(table.textures, np.array(programs.textures))

@@ -76,6 +76,19 @@ def sample_spot(light, p, normal, u0, u1):
 
 
 @inline
+def sample_projector(light, p, normal, u0, u1):
+    """The projector, as if its image were white and without end: parameters are position (3) and unit direction (3)."""
+    x, y, z, dx, dy, dz = light.parameters[:6]
+    to = Vec3(x, y, z) - p
+    distance = length(to)
+    wi = to * (1.0 / distance)
+    cosine = -dot(wi, Vec3(dx, dy, dz))
+    depth = distance * cosine
+    scale = select(cosine > 0.0, 1.0 / (depth * depth * cosine), 0.0)
+    return LightSample(wi, distance, light.color * scale, math.inf)
+
+
+@inline
 def sample_directional(light, p, normal, u0, u1):
     """The directional light: parameters are the unit direction towards it (3)."""
     x, y, z = light.parameters[:3]

@@ -19,7 +19,7 @@ from engines.kernels.lane.lights import Light, LightSample
 from engines.kernels.lane.vector import Vec3, to_real
 from engines.kernels.layout import LANES, LIGHT, POINT_U0, POINT_U1, RUN, SURFACE, ray_batch, scene_table
 from engines.kernels.rows import LightRow, MaterialRow, PrimitiveRow
-from engines.kernels.stages import emission, environment, light_cells, light_hierarchy, resampling
+from engines.kernels.stages import emission, environment, light_cells, light_frames, light_hierarchy, resampling
 from engines.kernels.stages.environment import guide_entry
 from engines.kernels.stages.hit_loads import lane_number, make_load_face, make_load_rows
 
@@ -188,9 +188,11 @@ def _make_colored(sample_one: Any, color_samples: Any) -> Any:
     return sample
 
 
-def _make(kinds: tuple[int, ...], selection: Selection, turned: bool, resampled: bool, color_samples: Any, real: Any) -> Any:
+def _make(
+    kinds: tuple[int, ...], selection: Selection, turned: bool, resampled: bool, colors: tuple[Any, ...], real: Any
+) -> Any:
     sample_one = _make_sample_one(kinds, selection, turned, real)
-    if color_samples is not None:
+    for color_samples in colors:
         sample_one = _make_colored(sample_one, color_samples)
 
     def light_stage(batch, scene_address):
@@ -307,10 +309,13 @@ def stage(features: SceneFeatures, every: bool, resampled: bool, real: Any) -> A
     many = features.many_lights and not every
     ways = features.power_lights, features.light_hierarchy, features.light_cells
     selection = Selection(every, many, *(many and way for way in ways))
-    color_samples = emission.make_light_samples(features, real) if features.textured_emission else None
-    return _stage(features.lights, selection, features.turned_environment, resampled, color_samples, real)
+    colors = (emission.make_light_samples(features, real),) if features.textured_emission else ()
+    colors += (light_frames.make_light_samples(real),) if features.light_frames else ()
+    return _stage(features.lights, selection, features.turned_environment, resampled, colors, real)
 
 
 @cache
-def _stage(kinds: tuple[int, ...], selection: Selection, turned: bool, resampled: bool, color_samples: Any, real: Any) -> Any:
-    return compile_stage(_make(kinds, selection, turned, resampled, color_samples, real))
+def _stage(
+    kinds: tuple[int, ...], selection: Selection, turned: bool, resampled: bool, colors: tuple[Any, ...], real: Any
+) -> Any:
+    return compile_stage(_make(kinds, selection, turned, resampled, colors, real))

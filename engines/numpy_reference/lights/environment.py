@@ -8,7 +8,7 @@ import numpy as np
 
 from engines.numpy_reference.lights.image_environment import ImageEnvironment
 from engines.numpy_reference.lights.interface import LightSample
-from engines.numpy_reference.vectors import Array, Indices, cosine_hemisphere, dot
+from engines.numpy_reference.vectors import Array, Indices, cosine_hemisphere, dot, uniform_sphere
 from engines.scene import EnvironmentLight
 
 
@@ -42,7 +42,8 @@ LIGHTS = {EnvironmentLight: EnvironmentLights}
 
 
 class ConstantEnvironment:
-    """The same `radiance` (3,) from everywhere; sampled by the cosine around the normal of the surface."""
+    """The same `radiance` (3,) from everywhere; sampled by the cosine around the normal of the surface, uniformly where there
+    is none (0)."""
 
     def __init__(self, light: EnvironmentLight) -> None:
         self._radiance = np.array(light.radiance)[:, None]
@@ -53,9 +54,10 @@ class ConstantEnvironment:
 
     def pdf(self, direction: Array, normal: Array) -> Array:
         """(n,) per solid angle, of sampling the directions at points with these normals."""
-        return np.maximum(dot(normal, direction), 0.0) / np.pi
+        on_surface = normal.any(axis=0)
+        return np.where(on_surface, np.maximum(dot(normal, direction), 0.0) / np.pi, 0.25 / np.pi)
 
     def sample(self, normal: Array, u0: Array, u1: Array) -> tuple[Array, Array]:
         """Unit directions (3, n) and their pdf per solid angle (n,)."""
-        wi = cosine_hemisphere(normal, u0, u1)
+        wi = np.where(normal.any(axis=0), cosine_hemisphere(normal, u0, u1), uniform_sphere(u0, u1))
         return wi, self.pdf(wi, normal)

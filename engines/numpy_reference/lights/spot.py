@@ -1,4 +1,4 @@
-"""Spot lights: point lights that shine into a cone, dimmer towards its edge."""
+"""Spot lights: point lights that shine into a cone, dimmer towards its edge, and may show a texture."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from engines.numpy_reference.lights.frames import Frames
 from engines.numpy_reference.lights.interface import LightSample, triples
 from engines.numpy_reference.vectors import Array, Indices, cross, dot, norm
 from engines.scene import SpotLight
@@ -22,16 +23,18 @@ class SpotLights:
         self._intensity = triples(lights, "intensity")
         self._cutoff = np.radians([light.cutoff for light in lights])
         self._beam_width = np.radians([light.beam_width for light in lights])
+        self._frames = Frames(lights)
 
     def sample(self, light: Indices, point: Array, normal: Array, u0: Array, u1: Array, uc: Array) -> LightSample:
-        """Intensity over the square of the distance, in proportion to `_falloff` at the angle from the axis."""
+        """Intensity over the square of the distance, times `_falloff` at the angle from the axis and the texture."""
         to_light = self._position.take(light, axis=1) - point
         distance = norm(to_light)
         wi = to_light / distance
         axis = self._direction.take(light, axis=1)
         angle = np.arctan2(norm(cross(axis, wi)), -dot(axis, wi))  # keeps its digits near the axis, as arccos does not
         strength = self._falloff(light, angle) / dot(to_light, to_light)
-        return LightSample(wi, distance, self._intensity.take(light, axis=1) * strength, np.full(light.size, np.inf))
+        intensity = self._intensity.take(light, axis=1) * self._frames(light, -wi)
+        return LightSample(wi, distance, intensity * strength, np.full(light.size, np.inf))
 
     def _falloff(self, light: Indices, angle: Array) -> Array:
         """(n,) 1 within the beam, falling linearly in the angle to 0 at the cutoff."""

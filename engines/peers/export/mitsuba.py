@@ -24,12 +24,14 @@ _TAGS = {
     "sensor": ("perspective", "orthographic", "thinlens"),
     "film": ("hdrfilm",),
     "rfilter": ("box",),
-    "integrator": ("path",),
+    "integrator": ("path", "volpath"),
     "sampler": ("independent",),
     "texture": ("bitmap", "checkerboard", "mesh_attribute"),
     "bsdf": (*_LEAVES, "twosided", "mask", "blendbsdf", "bumpmap", "normalmap"),
     "shape": ("disk", "sphere", "cylinder", "ply"),
-    "emitter": ("area", "point", "spot", "directional", "constant", "envmap"),
+    "medium": ("homogeneous",),
+    "phase": ("isotropic", "hg"),
+    "emitter": ("area", "point", "spot", "projector", "directional", "constant", "envmap"),
 }
 _TAG_OF = {kind: tag for tag, kinds in _TAGS.items() for kind in kinds}
 
@@ -43,7 +45,8 @@ def write_mitsuba(scene: Scene, path: Path, max_depth: int = 6, spp: int = 64) -
         raise Unsupported(reason)
     beside = Beside(path)
     nodes = described(scene, Placing(beside.mesh, beside.image)).nodes
-    nodes["integrator"] = {"type": "path", "max_depth": max_depth, "rr_depth": 1000}
+    kind = "volpath" if scene.media else "path"
+    nodes["integrator"] = {"type": kind, "max_depth": max_depth, "rr_depth": 1000}
     width, height = scene.camera.resolution
     nodes["sensor"] = sensor(scene.camera, width, height, {"type": "independent", "sample_count": spp}, extent(scene))
     root = ElementTree.Element("scene", version=VERSION)

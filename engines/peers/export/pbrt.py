@@ -19,7 +19,7 @@ import engines.scene as model
 from engines.errors import Unsupported
 from engines.peers.adapters.colors import largest, mirror_share
 from engines.peers.adapters.geometry import extent, pieces
-from engines.peers.adapters.lacks import point_lights_lack
+from engines.peers.adapters.lacks import point_lights_lack, projected_lack
 from engines.peers.adapters.tessellation import squares
 from engines.peers.export.files import Beside, numbers
 from engines.peers.mitsuba.bsdfs import material_lacks
@@ -62,7 +62,8 @@ def _lacks(scene: model.Scene) -> str | None:
     for material in scene.materials:
         if lacks := material_lacks(material) or _bsdf_lacks(material.as_bsdf):
             return f"material {material.name!r}: pbrt does not support {lacks}"
-    return next(filter(None, map(_light_lacks, scene.lights)), None) or point_lights_lack(scene, "pbrt")
+    lights_lack = next(filter(None, map(_light_lacks, scene.lights)), None)
+    return lights_lack or point_lights_lack(scene, "pbrt") or projected_lack(scene, "pbrt")
 
 
 def _view_lacks(camera: Any) -> str | None:

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from engines.peers.mitsuba.media import reference
 from engines.peers.mitsuba.nodes import Node
 from engines.scene import Camera, Orthographic, Perspective, ThinLens
 from engines.scene.frames import look_at
@@ -41,6 +42,8 @@ def sensor(camera: Camera, width: int, height: int, sampler: Node, size: float) 
         to_world = to_world @ np.diag([-1.0, 1.0, 1.0, 1.0])
     near, far = camera.clip
     lens: Node = {"near_clip": max(near, NEAR * size), "far_clip": FAR * size if math.isinf(far) else far}
+    if camera.medium is not None:
+        lens["medium"] = reference(camera.medium)
     right, down = camera.principal_point
     if isinstance(camera, Orthographic):
         # Mitsuba's window is two wide and has square pixels, before it is scaled; +x is to the left

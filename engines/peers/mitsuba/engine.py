@@ -125,10 +125,11 @@ class Engine:
     def _scene_lacks(self, scene: Scene, choice: Choice) -> str | None:
         shader = choice.name
         if scene.native is not None:
-            ours = shader not in ("path_tracer", "mitsuba")
-            return f"Mitsuba takes its own files with path_tracer and mitsuba, not with the shader {shader}" if ours else None
+            known = ("path_tracer", "volumetric_path_tracer", "mitsuba")
+            ours = shader not in known
+            return f"Mitsuba takes its own files with {', '.join(known)}, not with the shader {shader}" if ours else None
         lacks = scene_lacks(scene) or shader_lacks(scene, shader)
-        if lacks is None and choice.options.get("transparent_shadows"):
+        if lacks is None and (choice.options.get("transparent_shadows") or shader == "volumetric_path_tracer"):
             lacks = _null_lobes_lack(scene)
         if lacks is None and self.variant == library.SCALAR:
             lacks = _depth_lacks(scene.camera) if shader == "depth_map" else _blends_lack(scene) if shader != "albedo" else None
@@ -150,11 +151,12 @@ class Engine:
             return f"Mitsuba's {self.variant} computes in float32 only"
         if any(choice.plugin is not None for choice in (shader, sampler, chosen.accelerator)):
             return f"the engine {self.name} takes no plugins"
-        if shader.name == "path_tracer" and shader.options["direct"] != "mis":
+        options = shader.options if shader.name in ("path_tracer", "volumetric_path_tracer") else {}
+        if options.get("direct", "mis") != "mis":
             return "Mitsuba's path integrator finds direct light by multiple importance sampling only"
-        if shader.name == "path_tracer" and shader.options["light_sampler"] != "uniform":
+        if options.get("light_sampler", "uniform") != "uniform":
             return "Mitsuba's path integrator chooses lights evenly only"
-        if shader.name == "path_tracer" and (shader.options["light_candidates"] != 1 or shader.options["guiding"] != "none"):
+        if options.get("light_candidates", 1) != 1 or options.get("guiding", "none") != "none":
             return "Mitsuba's path integrator resamples no light samples and guides no paths: light_candidates 1, guiding none"
         if sampler.name not in ("random", "stratified", *SAMPLERS):
             return f"Mitsuba has no sampler {sampler.name}: known: random, stratified, {', '.join(SAMPLERS)}"
@@ -192,7 +194,7 @@ def shader_lacks(scene: Scene, shader: str) -> str | None:
 
 def _null_lobes_lack(scene: Scene) -> str | None:
     tilted = (material.name for material in scene.materials if tilts_null_lobes(material.as_bsdf))
-    said = "with transparent_shadows Mitsuba's light samples do not pass what lies inside of bump and normal maps"
+    said = "where null lobes are crossed freely Mitsuba's light samples do not pass what lies inside of bump and normal maps"
     return next((f"material {name!r}: {said}" for name in tilted), None)
 
 

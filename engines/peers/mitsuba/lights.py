@@ -3,39 +3,94 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from engines.peers.mitsuba.nodes import Array, Node, Placing, rgb
-from engines.scene import DirectionalLight, EnvironmentLight, Light, PointLight, SpotLight
-from engines.scene.frames import facing
+from engines.peers.mitsuba.textures import Textures
+from engines.scene import DirectionalLight, EnvironmentLight, ImageTexture, Light, PointLight, ProjectorLight, Scene, SpotLight
+from engines.scene.frames import facing, look_at
+from engines.scene.textures import UVTexture, tinted
+from engines.scene.triple import product, triple
 
 
-def light_node(light: Light, placing: Placing) -> Node:
+def light_node(light: Light, placing: Placing, textures: Textures) -> Node:
     """A light of the scene's list, of a type in `LIGHTS`; images of skies go where `placing` says."""
-    return LIGHTS[type(light)](light, placing)
+    return LIGHTS[type(light)](light, placing, textures)
 
 
-def _point(light: PointLight, placing: Placing) -> Node:
+def _point(light: PointLight, placing: Placing, textures: Textures) -> Node:
     return {"type": "point", "position": list(light.position), "intensity": rgb(light.intensity)}
 
 
-def _directional(light: DirectionalLight, placing: Placing) -> Node:
+def _directional(light: DirectionalLight, placing: Placing, textures: Textures) -> Node:
     return {"type": "directional", "direction": list(light.direction), "irradiance": rgb(light.irradiance)}
 
 
-def _spot(light: SpotLight, placing: Placing) -> Node:
-    return {
+def _spot(light: SpotLight, placing: Placing, textures: Textures) -> Node:
+    """Textures are upside down there."""
+    node: Node = {
         "type": "spot",
         "to_world": facing(light.position, light.direction, 1.0),
         "intensity": rgb(light.intensity),
         "cutoff_angle": light.cutoff,
         "beam_width": light.beam_width,
     }
+    if light.texture is not None:
+        texture, factor = _held(light.texture)
+        node |= {"to_world": _framed(light, np.negative(light.up)), "texture": textures.color(texture)}
+        node["intensity"] = rgb(product(light.intensity, factor))
+    return node
 
 
-def _environment(light: EnvironmentLight, placing: Placing) -> Node:
+def _projector(light: ProjectorLight, placing: Placing, textures: Textures) -> Node:
+    """Its scale is a number, and lacks a factor of pi; a coloured irradiance tints the image."""
+    texture, factor = _held(light.texture)
+    scale = max(light.irradiance)
+    if min(light.irradiance) < scale:
+        texture = tinted(texture, triple(np.divide(light.irradiance, scale)))
+    return {
+        "type": "projector",
+        "to_world": _framed(light, light.up),
+        "irradiance": textures.color(texture),
+        "scale": scale * factor / np.pi,
+        "fov": light.fov,
+        "fov_axis": light.fov_axis,
+    }
+
+
+def _held(texture: UVTexture) -> tuple[UVTexture, float]:
+    """The texture and its factor: in Mitsuba, no colour of a checkerboard is above 1."""
+    if isinstance(texture, ImageTexture):
+        return texture, 1.0
+    peak = max(1.0, *texture.a, *texture.b)
+    return replace(texture, a=product(texture.a, 1.0 / peak), b=product(texture.b, 1.0 / peak)), peak
+
+
+def _framed(light: SpotLight | ProjectorLight, up: Any) -> Array:
+    """(4, 4) light to world."""
+    matrix = look_at((0.0, 0.0, 0.0), light.direction, up)
+    matrix[:3, 3] = light.position
+    return matrix
+
+
+def lights_lack(scene: Scene) -> str | None:
+    """One sentence on the first image of a light that Mitsuba would show in another way, or None."""
+    for light in scene.lights:
+        image = light.texture if isinstance(light, SpotLight | ProjectorLight) else None
+        if not isinstance(image, ImageTexture):
+            continue
+        if image.pixels.min() < 0.0:
+            return "Mitsuba's lights show no images with negative texels"
+        height, width = image.pixels.shape[:2]
+        if isinstance(light, ProjectorLight) and height != width and 1 in (height, width):
+            return "Mitsuba projects no images of a single row or column"
+    return None
+
+
+def _environment(light: EnvironmentLight, placing: Placing, textures: Textures) -> Node:
     if light.image is None:
         return {"type": "constant", "radiance": rgb(light.radiance)}
     rotation = np.eye(4)
@@ -45,10 +100,11 @@ def _environment(light: EnvironmentLight, placing: Placing) -> Node:
     return {"type": "envmap", **placing.image("sky", image), "to_world": rotation}
 
 
-LIGHTS: dict[type, Callable[[Any, Placing], Node]] = {
+LIGHTS: dict[type, Callable[[Any, Placing, Textures], Node]] = {
     PointLight: _point,
     DirectionalLight: _directional,
     SpotLight: _spot,
+    ProjectorLight: _projector,
     EnvironmentLight: _environment,
 }
 

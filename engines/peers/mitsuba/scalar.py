@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from engines.film import Film
 from engines.peers.mitsuba import plugins
 from engines.peers.mitsuba.library import LLVM
-from engines.peers.mitsuba.shaders import path_node
+from engines.peers.mitsuba.shaders import path_node, volumetric_node
 from engines.peers.mitsuba.stage import Stage, far_corner
 from engines.peers.mitsuba.streams import seed_of
 
@@ -46,6 +46,8 @@ class Passes:
         options = self._stage.settings.shader.options
         if self._kind == "path_tracer":
             return path_node(options)
+        if self._kind == "volumetric_path_tracer":
+            return volumetric_node(options)
         if self._kind == "mitsuba":
             return plugins.node(options)
         return {"type": "aov", "aovs": "a:albedo" if self._kind == "albedo" else "t:depth,p:position"}
@@ -94,7 +96,7 @@ class Passes:
 
     def _colours(self, developed: NDArray[np.float64]) -> NDArray[np.float64]:
         """(h, w, 3) of what Mitsuba's film shows: colours, reflectances, or depth and position."""
-        if self._kind in ("path_tracer", "mitsuba"):
+        if self._kind in ("path_tracer", "volumetric_path_tracer", "mitsuba"):
             return np.repeat(developed, 3, axis=2) if developed.shape[2] == 1 else developed[..., :3]
         if self._kind == "albedo":
             return self._stage.scale * developed[..., -3:]

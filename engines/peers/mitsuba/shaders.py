@@ -24,8 +24,17 @@ def path_node(options: Any) -> dict[str, Any]:
     return {"type": kind, "max_depth": options["max_depth"], "rr_depth": rr_depth, "hide_emitters": options["hide_emitters"]}
 
 
+def volumetric_node(options: Any) -> dict[str, Any]:
+    """Mitsuba's integrator for our `volumetric_path_tracer`, whose roulette begins where its own does."""
+    return {"type": "volpath", **{key: options[key] for key in ("max_depth", "rr_depth", "hide_emitters")}}
+
+
 def path_tracer(stage: Stage) -> Radiance:
     return _integrated(stage, path_node(stage.settings.shader.options))
+
+
+def volumetric_path_tracer(stage: Stage) -> Radiance:
+    return _integrated(stage, volumetric_node(stage.settings.shader.options))
 
 
 def mitsuba(stage: Stage) -> Radiance:
@@ -134,6 +143,7 @@ def albedo(stage: Stage) -> Radiance:
 
 SHADERS: dict[str, Callable[[Stage], Radiance]] = {
     "path_tracer": path_tracer,
+    "volumetric_path_tracer": volumetric_path_tracer,
     "mitsuba": mitsuba,
     "whitted": whitted,
     "no_shadows": no_shadows,

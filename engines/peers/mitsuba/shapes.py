@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from engines.peers.adapters.geometry import extent, pieces, two_sides
+from engines.peers.mitsuba.media import sides_node
 from engines.peers.mitsuba.nodes import Array, Node, Placing
 from engines.peers.mitsuba.textures import Textures
 from engines.scene import Cylinder, Disk, Mesh, MeshAttribute, Plane, Scene, Shape, Sphere, SphereSet, Texture, Triangle
@@ -117,9 +118,10 @@ def _nodes(shape: Plane | Disk | Cylinder | Sphere | SphereSet, side: int, gap: 
 
 
 def _finished(scene: Scene, node: Node, part: Part, textures: Textures) -> Part:
-    """The part with its material and light."""
+    """The part with its material, media and light."""
     material = scene.materials[part.material]
     node["bsdf"] = {"type": "ref", "id": f"material_{part.material}"}
+    node |= sides_node(scene.shapes[part.shape], part.flipped)
     if material.emits:
         node["emitter"] = {"type": "area", "radiance": textures.color(material.emission)}
     return part

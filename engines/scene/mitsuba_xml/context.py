@@ -15,6 +15,7 @@ from engines.scene.context import SceneReader
 from engines.scene.files import Place
 from engines.scene.frames import LARGEST, Matrix
 from engines.scene.materials import Material
+from engines.scene.media import HomogeneousMedium
 from engines.scene.mitsuba_xml.document import Element
 from engines.scene.mitsuba_xml.properties import Plugin
 from engines.scene.models import Diffuse
@@ -27,8 +28,9 @@ from engines.scene.triple import BLACK
 @dataclass(slots=True)
 class Importer:
     """The state of importing one scene. `built` are results by the plugin (its identity) and how it was asked for; `one_sided`
-    are names of BSDFs that are black from behind; `emitting` are the shapes of area emitters. `outer` is the `to_world` of the
-    instance whose copies are being made, and `copied` counts the primitives of all."""
+    are names of BSDFs that are black from behind; `emitting` are the shapes of area emitters, `media` those of shapes and of
+    the sensor. `outer` is the `to_world` of the instance whose copies are being made, and `copied` counts the primitives of
+    all."""
 
     reader: SceneReader
     ids: dict[str, Plugin]
@@ -37,6 +39,7 @@ class Importer:
     building: list[Plugin] = field(default_factory=list)
     one_sided: dict[str, None] = field(default_factory=dict)
     emitting: dict[int, Plugin] = field(default_factory=dict)
+    media: list[HomogeneousMedium] = field(default_factory=list)
     outer: Matrix | None = None
     copied: int = 0
 

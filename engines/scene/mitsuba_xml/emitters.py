@@ -3,20 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+from math import pi
 
 import numpy as np
 
-from engines.scene.frames import nearest_orthogonal
+from engines.scene.frames import Matrix, mirrored, nearest_orthogonal
 from engines.scene.geometry import read_only
-from engines.scene.lights import DirectionalLight, EnvironmentLight, Light, PointLight, SpotLight, without_negative
+from engines.scene.lights import (
+    DirectionalLight,
+    EnvironmentLight,
+    Light,
+    PointLight,
+    ProjectorLight,
+    SpotLight,
+    without_negative,
+)
 from engines.scene.mitsuba_xml.colors import EMISSION, color
 from engines.scene.mitsuba_xml.context import Importer
 from engines.scene.mitsuba_xml.properties import Plugin
+from engines.scene.mitsuba_xml.sensors import Film, field_of_view
 from engines.scene.mitsuba_xml.sky import baked
 from engines.scene.mitsuba_xml.textures import color_or_texture, texture
 from engines.scene.mitsuba_xml.transforms import similarity
-from engines.scene.textures import Color
-from engines.scene.triple import WHITE, Triple, triple
+from engines.scene.textures import Color, ImageTexture, MeshAttribute, Texture, UVTexture
+from engines.scene.triple import WHITE, Triple, product, triple
 from engines.schema.fields import unit
 
 HARMLESS = ("sampling_weight", "mis_compensation", "cache")
@@ -78,10 +89,51 @@ def _spot(importer: Importer, plugin: Plugin) -> SpotLight:
     beam_width = plugin.positive("beam_width", default=0.75 * cutoff)
     if beam_width > cutoff:
         raise plugin.refuse_property("beam_width", f"must not exceed cutoff_angle, which is {cutoff:g}")
-    if importer.named(plugin, "texture") is not None:
-        raise plugin.refuse("images that light projects are not supported: leave the texture out")
     direction = _direction(plugin, triple(matrix[:3, 2]))
-    return SpotLight(triple(matrix[:3, 3]), direction, _light_color(importer, plugin, "intensity"), cutoff, beam_width)
+    made = SpotLight(triple(matrix[:3, 3]), direction, _light_color(importer, plugin, "intensity"), cutoff, beam_width)
+    nested = importer.named(plugin, "texture")
+    if nested is None:
+        return made
+    if cutoff >= 90.0:
+        raise plugin.refuse_property("cutoff_angle", "must be below 90 degrees with a texture")
+    axes, _ = _frame(plugin)
+    # the texture of a spot light is upside down in Mitsuba
+    shown = _shown(nested, texture(importer, nested), mirrored(matrix))
+    return replace(made, direction=triple(axes[:, 2]), texture=shown, up=triple(-axes[:, 1]))
+
+
+def _projector(importer: Importer, plugin: Plugin) -> ProjectorLight:
+    """Mitsuba's irradiance lacks a factor of pi; `to_world` scales the light."""
+    axes, size = _frame(plugin)
+    factor = pi * size * plugin.number("scale", default=1.0, low=0.0)
+    irradiance = color_or_texture(importer, plugin, "irradiance", default=WHITE, role=EMISSION)
+    color = product(irradiance if isinstance(irradiance, tuple) else WHITE, factor)
+    if isinstance(irradiance, tuple):
+        irradiance = ImageTexture(read_only(np.ones((1, 1, 1), np.float32)), name="white")
+    matrix = plugin.transform()
+    shown = _shown(plugin, irradiance, mirrored(matrix))
+    height, width = shown.pixels.shape[:2] if isinstance(shown, ImageTexture) else (1, 1)
+    if 1 in (height, width) and height != width:
+        raise plugin.refuse("an image of a single row or column is not supported: Mitsuba doubles it")
+    fov, axis = field_of_view(plugin, Film(width, height, crop_width=width, crop_height=height))
+    return ProjectorLight(triple(matrix[:3, 3]), triple(axes[:, 2]), triple(axes[:, 1]), color, shown, fov, axis)
+
+
+def _frame(plugin: Plugin) -> tuple[Matrix, float]:
+    """The axes and the scale of the `to_world` of a light with a texture. Raises `SceneError` where it stretches."""
+    linear = plugin.transform()[:3, :3]
+    size = similarity(linear)
+    if size is None:
+        raise plugin.refuse("to_world of a light with a texture must not stretch or shear")
+    return nearest_orthogonal(linear), size
+
+
+def _shown(plugin: Plugin, made: Texture | Triple, mirror: bool) -> UVTexture:
+    """The texture of a light, left and right exchanged if its `to_world` mirrors."""
+    if isinstance(made, tuple | MeshAttribute):
+        raise plugin.refuse("an image or a checkerboard is expected here")
+    a, b, c, d, e, f = made.to_uv
+    return replace(made, to_uv=(-a, b, c + a, -d, e, f + d)) if mirror else made
 
 
 def _directional(importer: Importer, plugin: Plugin) -> DirectionalLight:
@@ -127,6 +179,7 @@ def _sky(importer: Importer, plugin: Plugin) -> EnvironmentLight:
 EMITTERS: dict[str, Callable[[Importer, Plugin], Light]] = {
     "point": _point,
     "spot": _spot,
+    "projector": _projector,
     "directional": _directional,
     "constant": _constant,
     "envmap": _envmap,
@@ -136,7 +189,6 @@ EMITTERS: dict[str, Callable[[Importer, Plugin], Light]] = {
 }
 REFUSED = {
     "directionalarea": "light of a surface in one direction is not supported: use directional, or area",
-    "projector": "images that light projects are not supported: use spot without a texture",
     "collimated": "a single ray of light is not supported: use a narrow spot",
     "volumelight": "volumes that emit are not supported: use area",
     "timed_sunsky": "a sky that moves is not supported: use sunsky",

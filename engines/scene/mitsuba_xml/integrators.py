@@ -30,8 +30,7 @@ SUGGESTED = {
 """Integrators that a path tracer stands for, and why it is another one. Any other one estimates something else, or holds
 another integrator."""
 VOLUMETRIC = ("volpath", "volpathmis", "volpath_simple", "prbvolpath")
-"""Those whose light samples pass null lobes, and whose roulette begins one vertex later than that of `path`. Media are refused
-elsewhere."""
+"""Those that render media. Light samples pass null lobes, and roulette begins one vertex later than that of `path`."""
 
 
 def shader(importer: Importer, plugin: Plugin) -> dict[str, Any]:
@@ -43,6 +42,11 @@ def shader(importer: Importer, plugin: Plugin) -> dict[str, Any]:
         return shader(importer, inner[0]) if inner[0] is not plugin else {"name": "path_tracer"}
     suggested: dict[str, Any] = {"name": "path_tracer"}
     volumetric = plugin.type in VOLUMETRIC
+    in_media = volumetric and bool(importer.media)
+    if in_media:
+        suggested["name"] = "volumetric_path_tracer"
+        if plugin.type == "volpathmis":
+            importer.notes.add("integrator volpathmis: volumetric_path_tracer is the same light by another way", plugin.element)
     if plugin.boolean("hide_emitters", default=False):
         suggested["hide_emitters"] = True
         if plugin.type == "direct":
@@ -54,15 +58,16 @@ def shader(importer: Importer, plugin: Plugin) -> dict[str, Any]:
         depth = plugin.integer("max_depth", default=-1, low=-1, high=2**31 - 1)
         suggested["max_depth"] = UNLIMITED if depth < 0 else min(max(depth, 1), UNLIMITED)
         rr_depth = max(plugin.integer("rr_depth", default=5, low=-1, high=2**31 - 1), 1)
-        suggested["rr_depth"] = min(rr_depth + volumetric, 1_000_000)
+        suggested["rr_depth"] = min(rr_depth + (volumetric and not in_media), 1_000_000)
     bsdfs = [material.as_bsdf for material in importer.reader.table.materials]
     if volumetric and any(map(has_null_lobes, bsdfs)):
-        suggested["transparent_shadows"] = True
+        if not in_media:
+            suggested["transparent_shadows"] = True
         if any(map(tilts_null_lobes, bsdfs)):
             said = "light samples pass null surfaces and masks inside of bump and normal maps, where Mitsuba's are blocked"
             importer.notes.add(f"integrator {plugin.type}: {said}", plugin.element)
     if why := SUGGESTED.get(plugin.type, "it estimates something else"):
-        importer.notes.add(f"integrator {plugin.type}: path_tracer is suggested ({why})", plugin.element)
+        importer.notes.add(f"integrator {plugin.type}: {suggested['name']} is suggested ({why})", plugin.element)
     if plugin.boolean("strict_normals", default=False):
         importer.notes.add("strict_normals: raybench always tests the geometric normal", plugin.element)
     for name, element in plugin.unread():

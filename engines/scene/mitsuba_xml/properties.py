@@ -177,7 +177,7 @@ class Plugin:
 
     def find(self, name: str) -> Plugin | Element | None:
         """The nested plugin or reference of this name."""
-        return next((child for child in self.nested if _name(child) == name), None)
+        return next((child for child in self.nested if name_of(child) == name), None)
 
     def take(self, child: Plugin | Element) -> None:
         """Counts a nested plugin or reference as read."""
@@ -192,7 +192,8 @@ class Plugin:
         return ((name, element) for name, element in self.values.items() if name not in self.read)
 
 
-def _name(child: Plugin | Element) -> str:
+def name_of(child: Plugin | Element) -> str:
+    """What a nested plugin or reference is to the one around it."""
     return child.name if isinstance(child, Plugin) else snake_case(child.attributes.get("name", ""))
 
 

@@ -51,7 +51,7 @@ def import_scene(document: Document) -> Scene:
     _finish(importer, tree)
     reader.warnings += importer.notes.sentences()
     seen = _unclipped(seen, all_shapes)
-    return assembled(reader, name, seen, all_shapes, lights, suggested)
+    return assembled(reader, name, seen, all_shapes, lights, suggested, tuple(importer.media))
 
 
 def _note_axes(importer: Importer, element: Element) -> None:
@@ -113,8 +113,9 @@ def _finish(importer: Importer, tree: Plugin) -> None:
 
 
 def _unclipped(seen: Camera, scene_shapes: list[Shape]) -> Camera:
-    """The camera without clipping planes that cannot clip anything: rays that need not be clipped are cheaper."""
-    if isinstance(seen, CustomCamera | PerspectiveArctan):
+    """The camera without clipping planes that cannot clip anything: rays that need not be clipped are cheaper. In a
+    medium rays start at the near plane."""
+    if isinstance(seen, CustomCamera | PerspectiveArctan) or seen.medium is not None:
         return seen
     near, far = seen.clip
     eye, axis = np.array(seen.eye), np.subtract(seen.target, seen.eye)

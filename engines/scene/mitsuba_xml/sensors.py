@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from engines.scene.cameras import LARGEST_SIDE, MOST_SHIFT, Camera, Orthographic, Perspective, ThinLens
 from engines.scene.frames import Matrix
 from engines.scene.mitsuba_xml.context import Importer
+from engines.scene.mitsuba_xml.media import medium_around
 from engines.scene.mitsuba_xml.properties import Plugin
 from engines.scene.mitsuba_xml.transforms import RIGID, similarity
 from engines.scene.triple import triple
@@ -71,9 +73,7 @@ def camera(importer: Importer, plugin: Plugin) -> Camera:
     for sampler in importer.taken(plugin, "sampler"):
         importer.notes.drop(f"sampler {sampler.type}")
     film = _film(importer, plugin)
-    for medium in importer.taken(plugin, "medium"):
-        raise medium.refuse("media are not supported")
-    made = make(importer, plugin, film)
+    made = replace(make(importer, plugin, film), **medium_around(importer, plugin))
     plugin.read.update(HARMLESS_SENSOR)
     importer.finish(plugin)
     return made
@@ -143,7 +143,7 @@ def _principal_point(plugin: Plugin, film: Film) -> tuple[float, float]:
     return middle
 
 
-def _field_of_view(plugin: Plugin, film: Film) -> tuple[float, str]:
+def field_of_view(plugin: Plugin, film: Film) -> tuple[float, str]:
     """Degrees that the crop takes of those of the whole film, and the axis along which they are."""
     axis = plugin.text("fov_axis", default="x", known=AXES) or "x"
     if plugin.has("fov"):
@@ -191,7 +191,7 @@ def _rigid(plugin: Plugin) -> dict[str, Any]:
 
 
 def _lens(plugin: Plugin, film: Film) -> dict[str, Any]:
-    fov, axis = _field_of_view(plugin, film)
+    fov, axis = field_of_view(plugin, film)
     shared = {"fov": fov, "fov_axis": axis, "resolution": film.size, "clip": _clip(plugin)}
     return {**_rigid(plugin), **shared, "principal_point": _principal_point(plugin, film)}
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,15 +15,16 @@ from engines.scene.bsdf import Bsdf, Sides
 from engines.scene.bsdf_tree import anisotropic, attributes, is_textured, leaves
 from engines.scene.formats.mesh import MeshData, read_mesh_file
 from engines.scene.frames import Matrix, cofactors, mirrored, mitsuba_frame, placed
-from engines.scene.geometry import angle_weighted_normals, unit_rows, with_face_normals
+from engines.scene.geometry import angle_weighted_normals, has_area, unit_rows, with_face_normals
 from engines.scene.mesh import Mesh, faceted, read_only_mesh
 from engines.scene.mitsuba_xml.bsdfs import bsdf, turned
 from engines.scene.mitsuba_xml.context import Importer
 from engines.scene.mitsuba_xml.document import Element
 from engines.scene.mitsuba_xml.emitters import area_radiance
+from engines.scene.mitsuba_xml.media import sides_of
 from engines.scene.mitsuba_xml.properties import Plugin
 from engines.scene.mitsuba_xml.transforms import similarity
-from engines.scene.models import Diffuse
+from engines.scene.models import Diffuse, Null
 from engines.scene.shapes import PART, Cylinder, Disk, Shape, Sphere
 from engines.scene.tessellate import Triangles
 from engines.scene.textures import Color, MeshAttribute, Texture, UVTexture
@@ -30,6 +32,8 @@ from engines.scene.triple import BLACK, triple
 
 SEGMENTS, RINGS, DISK_RINGS = 192, 96, 16
 """Around a round shape, a chord of which lies 1.3e-4 radii within the circle; from pole to pole of a sphere; of a disk."""
+MESHES = ("rectangle", "cube")
+"""Shapes that are meshes in Mitsuba, too: there the winding after `to_world` says which medium is inside."""
 UNTURNED = 1e-6
 """By how much a rotation may differ from none where texture coordinates depend on it."""
 
@@ -63,8 +67,6 @@ def shape(importer: Importer, plugin: Plugin) -> Shape:
     make = SHAPES.get(plugin.type)
     if make is None:
         raise plugin.refuse(REFUSED.get(plugin.type, f"unknown shape: known: {', '.join((*SHAPES, *GROUPS))}"))
-    for medium in importer.taken(plugin, "medium"):
-        raise medium.refuse("media are not supported")
     for inside in importer.taken(plugin, "subsurface"):
         raise inside.refuse("scattering below the surface is not supported: leave it out")
     for sensor in importer.taken(plugin, "sensor"):
@@ -88,6 +90,8 @@ def _look(importer: Importer, plugin: Plugin) -> Look:
         return Look(bsdf(importer, bsdfs[0]), radiance, bsdfs[0].label)
     if emitters:
         return Look(None, radiance, "emitter")
+    if plugin.element.source.old and importer.taken(plugin, "medium"):
+        return Look(Null(), BLACK, "null")
     importer.one_sided["shapes without a BSDF"] = None
     return Look(Sides(Diffuse(), None), BLACK, "default")
 
@@ -109,7 +113,11 @@ def _mesh(importer: Importer, plugin: Plugin, look: Look, triangles: Triangles, 
         normals = transformed_normals(matrix, normals) * (-1.0 if turn else 1.0)
         vertices, faces, normals, uvs, _, _ = with_face_normals(vertices, faces, normals, uvs)
         swapped = against(vertices, faces, normals)
-    return finished(importer, plugin, look, vertices, _swapped(faces, swapped), normals, uvs)
+    exchanged = np.zeros_like(swapped)
+    if plugin.type in MESHES:
+        copied = importer.outer is not None and mirrored(importer.outer)
+        exchanged = swapped != (turn != copied)
+    return finished(importer, plugin, look, vertices, _swapped(faces, swapped), normals, uvs, exchanged)
 
 
 def transformed_normals(matrix: Matrix, normals: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -137,11 +145,15 @@ def finished(
     faces: NDArray[np.int32],
     normals: NDArray[np.float64] | None,
     uvs: NDArray[np.float64] | None,
+    exchanged: NDArray[np.bool_],
     attributes: Attributes | None = None,
 ) -> Mesh:
-    """The mesh of these arrays, read-only, with the material of `look`."""
+    """The mesh of these arrays, read-only, with the material of `look` and the media of the plugin (`sides_of`)."""
     material = importer.material(look.bsdf, look.radiance, look.name)
-    return read_only_mesh(vertices, faces, np.full(len(faces), material), normals, plugin.id or plugin.type, uvs, attributes)
+    mesh = read_only_mesh(vertices, faces, np.full(len(faces), material), normals, plugin.id or plugin.type, uvs, attributes)
+    if any(importer.children(plugin, "medium")):
+        exchanged = exchanged[has_area(vertices, faces)]
+    return replace(mesh, **sides_of(importer, plugin, exchanged))
 
 
 # ---- shapes ----------------------------------------------------------------------------------------------------------
@@ -163,7 +175,8 @@ def _of_disk(importer: Importer, plugin: Plugin, look: Look) -> Shape:
         normal = cofactors(matrix[:3, :3])[:, 2] * (-1.0 if mirrored(matrix) != turn else 1.0)
         length = float(np.linalg.norm(normal))
         material = importer.material(look.bsdf, look.radiance, look.name)
-        return Disk(triple(matrix[:3, 3]), triple(normal / length), radius, material)
+        sides = sides_of(importer, plugin, False)
+        return Disk(triple(matrix[:3, 3]), triple(normal / length), radius, material, **sides)
     else:
         importer.notes.add("a textured disk is made of triangles", plugin.element)
     return _mesh(importer, plugin, look, tessellate.disk(SEGMENTS, DISK_RINGS), matrix, turn)
@@ -188,7 +201,8 @@ def _sphere(importer: Importer, plugin: Plugin, look: Look) -> Shape:
     elif inside_out and look.emits:
         importer.notes.add("a sphere that emits inwards is made of triangles", plugin.element)
     else:
-        return Sphere(triple(matrix[:3, 3]), scale, _round_material(importer, look, inside_out))
+        material = _round_material(importer, look, inside_out)
+        return Sphere(triple(matrix[:3, 3]), scale, material, **sides_of(importer, plugin, inside_out))
     return _mesh(importer, plugin, look, tessellate.sphere(SEGMENTS, RINGS), matrix, inside_out)
 
 
@@ -214,7 +228,8 @@ def _cylinder(importer: Importer, plugin: Plugin, look: Look) -> Shape:
         importer.notes.add("a cylinder that emits inwards is made of triangles", plugin.element)
     else:
         p0, p1 = matrix[:3, 3], matrix[:3, 3] + matrix[:3, 2]
-        return Cylinder(triple(p0), triple(p1), round_radius, _round_material(importer, look, inside_out))
+        sides = sides_of(importer, plugin, inside_out)
+        return Cylinder(triple(p0), triple(p1), round_radius, _round_material(importer, look, inside_out), **sides)
     return _mesh(importer, plugin, look, tessellate.cylinder(SEGMENTS), matrix, inside_out)
 
 
@@ -223,7 +238,7 @@ def _from_file(importer: Importer, plugin: Plugin, look: Look) -> Mesh:
     key = (id(plugin), "mesh")
     if key not in importer.built:
         importer.built[key] = _read(importer, plugin, look)
-    vertices, faces, normals, uvs, named = importer.built[key]
+    vertices, faces, normals, uvs, named, exchanged = importer.built[key]
     for name in sorted(look.attributes - named.keys()):
         raise plugin.refuse(f"material {look.name!r} shows the attribute {name!r}, which the file does not have")
     if importer.outer is not None:
@@ -233,27 +248,28 @@ def _from_file(importer: Importer, plugin: Plugin, look: Look) -> Mesh:
         importer.check_finite(plugin, vertices)
     if uvs is None and look.looks_at_uv:
         importer.notes.add(f"a textured mesh without texture coordinates: each triangle shows {PART}", plugin.element)
-    return finished(importer, plugin, look, vertices, faces, normals, uvs, named)
+    return finished(importer, plugin, look, vertices, faces, normals, uvs, exchanged, named)
 
 
-def _read(
-    importer: Importer, plugin: Plugin, look: Look
-) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float64] | None, NDArray[np.float64] | None, Attributes]:
-    """Vertices, faces, normals, texture coordinates and attributes of a file as its `to_world` places them."""
+def _read(importer: Importer, plugin: Plugin, look: Look) -> tuple[Any, ...]:
+    """Vertices, faces, normals, texture coordinates and attributes of a file as its `to_world` places them; and (m,) whether a
+    face is turned over against its winding there, but by `flip_normals`."""
     named, matrix = plugin.file("filename"), plugin.transform()
     turn, flat = plugin.boolean("flip_normals", default=False), plugin.boolean("face_normals", default=False)
     data = _mesh_data(importer, plugin, named, flat, look)
     vertices, faces = placed(matrix, data.vertices), data.faces
     importer.check_finite(plugin, vertices)
     if flat:
-        return vertices, _swapped(faces, np.full(len(faces), turn)), None, data.uvs, data.attributes
+        turned_over = np.full(len(faces), turn)
+        return vertices, _swapped(faces, turned_over), None, data.uvs, data.attributes, turned_over != turn
     own = data.normals
     normals = angle_weighted_normals(vertices, faces) if own is None else transformed_normals(matrix, own)
     vertices, faces, normals, uvs, replaced, copied = with_face_normals(vertices, faces, normals, data.uvs)
     if replaced:
         importer.notes.add(faceted(replaced), named)
     normals = -normals if turn else normals
-    return vertices, _swapped(faces, against(vertices, faces, normals)), normals, uvs, of_copies(data.attributes, copied)
+    swapped = against(vertices, faces, normals)
+    return vertices, _swapped(faces, swapped), normals, uvs, of_copies(data.attributes, copied), swapped != turn
 
 
 def _mesh_data(importer: Importer, plugin: Plugin, named: Element, flat: bool, look: Look) -> MeshData:
