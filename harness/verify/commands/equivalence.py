@@ -111,7 +111,7 @@ def _images(pool: Pool, engine: str, request: ReferenceRequest, first: int, repl
 
 def _show(scene: Scene, options: EquivalenceOptions, rows: Sequence[tuple[str, str, Equivalence]]) -> None:
     stdout, (width, height) = consoles()[0], options.size
-    names = ("A", "B", "(B - A) / A", "95 % interval", "means at most", "tiles at most", "verdict")
+    names = ("A", "B", "(B - A) / mean", "95 % interval", "means at most", "tiles at most", "verdict")
     table = Table(*names, box=None, header_style="dim", pad_edge=False)
     for first, second, result in rows:
         shares = [f"{100 * share:+.3f} %" for share in (result.difference, result.low, result.high)]
