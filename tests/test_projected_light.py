@@ -8,7 +8,7 @@ import pytest
 
 import engines
 from engines import Settings, save_scene
-from engines.errors import Unsupported
+from engines.errors import SceneError, Unsupported
 from engines.kernels.flatten.scene import flatten
 from engines.peers import cycles, luxcore
 from engines.peers.export import export
@@ -237,6 +237,19 @@ def test_power_and_cone_are_those_of_what_a_light_sends_out(name):
     assert found.box.tolist() == [[*light.position]] * 2
 
 
+@pytest.mark.parametrize("fov", [152.0, 179.99])
+def test_the_power_of_a_wide_projector_is_held(fov):
+    """Half extents count up to 4."""
+    wide = projector(texture=Checkerboard(RED, RED), fov=fov)
+    assert light_bounds(scene(wide))[0].power == pytest.approx(4.0 * 4.0 * 4.0 * 3.0 / 3.0)
+
+
+@pytest.mark.parametrize("cutoff", [90.0, 120.0, math.nan])
+def test_a_spot_light_with_a_texture_is_narrower_than_a_half_space(cutoff):
+    with pytest.raises(SceneError, match=f"cutoff .*: {cutoff:g}: must be below 90"):
+        replace(CONE, cutoff=cutoff)
+
+
 # ---- files ---------------------------------------------------------------------------------------------------------------
 
 
@@ -265,15 +278,16 @@ def test_a_spot_light_without_texture_keeps_its_hash():
     assert content_hash(camera, (), (), (light,)) == "05188499df35287e9a51ce348fad675d3accbf0fa505891131732079ec4f76cd"
 
 
-@pytest.mark.parametrize("light", [projector(), CONE], ids=["projector", "spot"])
+@pytest.mark.parametrize("light", [projector(), replace(CONE, beam_width=35.0)], ids=["projector", "spot"])
 def test_others_decline_them(light, tmp_path):
-    with pytest.raises(Unsupported, match="pbrt"):
-        export(scene(light if light is not CONE else replace(CONE, beam_width=35.0)), "pbrt", tmp_path)
+    with pytest.raises(Unsupported, match=r"^textures of lights are not translated for pbrt$"):
+        export(scene(light), "pbrt", tmp_path)
     for engine in (luxcore.Engine(), cycles.Engine()):
-        said = engine.why_not(
-            scene(light), Settings(64, 64, shader={**PATHS, "max_depth": 4}, sampler=next(iter(engine.takes_samplers)))
-        )
-        assert said is not None and ("Light" in said or "no lights that project textures" in said)
+        settings = Settings(64, 64, shader={**PATHS, "max_depth": 4}, sampler=next(iter(engine.takes_samplers)))
+        expected = f"lights[0]: {engine.name} does not support the light {type(light).__name__}"
+        if type(light) in engine.lights:
+            expected = "textures of lights are not translated for Cycles"
+        assert engine.why_not(scene(light), settings) == expected
 
 
 @pytest.mark.parametrize(

@@ -402,7 +402,9 @@ class SceneTable(Table):
     # where some surface emits what a texture holds
     emission_textures = array(np.int32)  # a material: the texture, -1 for none
     light_primitives = array(np.int32)  # a light: id of the shape that it is, -1 of a mesh and of what is no shape
-    light_frames = rows(LightFrameRow)  # of each light that is no shape, where some of them show textures
+
+    # where some spot light or projector shows a texture
+    light_frames = rows(LightFrameRow)  # of each light that is no shape
 
     # an SD-tree (`engines.sd_tree`), where paths are guided
     guide = rows(GuideRow)

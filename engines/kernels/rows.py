@@ -60,8 +60,8 @@ class LightRow(Row):
 
 
 class LightFrameRow(Row):
-    """How directions d from a light become places in its texture, -1 for none: u = 1/2 + d . across / d . axis, v the same with
-    `down`."""
+    """How directions d from a light become places in its texture: u = 1/2 + (d . across)/(d . axis), v the same with `down`.
+    `texture` is -1 where the light has none."""
 
     dtype = np.float64
     texture = real()

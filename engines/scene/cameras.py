@@ -203,23 +203,22 @@ _FILM = {
         unit="metres",
     ),
 }
-FOV_AXIS = one_of(("x", "y"), "fov_axis")
-_LENS = {
+LENS = {
     "fov": Key(ANGLE, "Full angle of view.", 40, unit="degrees"),
-    "fov_axis": Key(FOV_AXIS, "Axis of the image along which fov is measured.", "y"),
+    "fov_axis": Key(one_of(("x", "y"), "fov_axis"), "Axis of the image along which fov is measured.", "y"),
 }
 CAMERAS = {
-    "perspective": _camera(Perspective, "A pinhole camera.", **_LENS, **_FILM),
+    "perspective": _camera(Perspective, "A pinhole camera.", **LENS, **_FILM),
     "thin_lens": _camera(
         ThinLens,
         "A perspective camera with a round aperture, and so with depth of field.",
-        **_LENS,
+        **LENS,
         aperture_radius=Key(POSITIVE, "Radius of the aperture.", unit="metres"),
         focus_distance=Key(POSITIVE, "Distance along the axis of view at which things are sharp.", unit="metres"),
         **_FILM,
     ),
     "perspective_arctan": _camera(
-        PerspectiveArctan, "MobileRT's camera: slopes are arctangents of angles, and straight lines bend a little.", **_LENS
+        PerspectiveArctan, "MobileRT's camera: slopes are arctangents of angles, and straight lines bend a little.", **LENS
     ),
     "orthographic": _camera(
         Orthographic,

@@ -24,6 +24,9 @@ Array = NDArray[np.float64]
 
 CONE_MARGIN = 1e-3
 """Radians by which the cone of a light is widened, so that rounding at its edge leaves no light unsampled."""
+MOST_EXTENT = 4.0
+"""Up to here the half extents of a projector's image count in its power. That of a very wide image would leave hardly any
+samples to the other lights."""
 
 
 class LightBounds(NamedTuple):
@@ -91,9 +94,9 @@ def _spot(light: SpotLight, scale: float) -> LightBounds:
 
 def _projector(light: ProjectorLight, scale: float) -> LightBounds:
     """As much as its image receives at a distance of 1."""
-    x, y = light.half_extents
-    half_angle = math.atan(math.hypot(x, y))
-    return _cone(light, 4.0 * x * y * _mean(product(light.irradiance, mean_color(light.texture))), half_angle, half_angle)
+    half_angle = math.atan(math.hypot(*light.half_extents))
+    a, b = (min(half, MOST_EXTENT) for half in light.half_extents)
+    return _cone(light, 4.0 * a * b * _mean(product(light.irradiance, mean_color(light.texture))), half_angle, half_angle)
 
 
 def _cone(light: SpotLight | ProjectorLight, power: float, cutoff: float, beam: float) -> LightBounds:

@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.errors import SceneError
-from engines.scene.cameras import FOV_AXIS, PARALLEL
+from engines.scene.cameras import LENS, PARALLEL
 from engines.scene.context import SceneReader
 from engines.scene.formats.texture import read_texels
 from engines.scene.frames import LARGEST
 from engines.scene.geometry import read_only
 from engines.scene.plugins import PluginKind, all_options
-from engines.scene.textures import IMAGE_FILE, PROJECTED, ImageTexture, UVTexture, image_array
+from engines.scene.textures import IMAGE_FILE, PROJECTED, UVTexture, image_array, sides
 from engines.scene.triple import Triple, triple
 from engines.schema import fields
 from engines.schema.keys import Given, Key, Record, Variants
@@ -82,6 +82,10 @@ class SpotLight:
     texture: UVTexture | None = None
     up: Triple = _UP
 
+    def __post_init__(self) -> None:
+        if self.texture is not None and not self.cutoff < 90.0:
+            raise SceneError(f"cutoff of a spot light with a texture: {self.cutoff:g}: must be below 90 degrees")
+
     @property
     def half_extents(self) -> tuple[float, float]:
         """Half the width and height of the frame of the texture, at a distance of 1 along the axis."""
@@ -94,23 +98,25 @@ def _direction(given: Given) -> Triple:
     return given["direction"] or fields.towards(given.at("target"), given["position"], "position")
 
 
-def _check_up(given: Given, direction: Triple) -> None:
+def _framed_direction(given: Given) -> Triple:
+    """Of the axis of a light with `up`, unit."""
+    direction = _direction(given)
     if np.linalg.norm(np.cross(direction, given["up"])) < PARALLEL:
         node = given.at("up") if given.has("up") else given.node
         raise node.refuse("up must not be parallel to the axis of the light")
+    return direction
 
 
 def _spot(given: Given, context: SceneReader) -> SpotLight:
-    cutoff, beam_width, direction = given["cutoff"], given["beam_width"], _direction(given)
+    cutoff, beam_width, textured = given["cutoff"], given["beam_width"], given["texture"] is not None
+    direction = _framed_direction(given) if textured else _direction(given)
     if beam_width is None:
         beam_width = 0.75 * cutoff
     elif beam_width > cutoff:
         raise given.at("beam_width").refuse(f"must not exceed cutoff, which is {cutoff:g}")
-    if given["texture"] is not None:
-        if cutoff >= 90.0:
-            raise given.at("cutoff").refuse("must be below 90 with a texture")
-        _check_up(given, direction)
-    elif given.has("up"):
+    if textured and cutoff >= 90.0:
+        raise given.at("cutoff").refuse("must be below 90 with a texture")
+    if given.has("up") and not textured:
         raise given.node.refuse_key("up", "belongs to a texture: a cone is the same all around")
     values = given["intensity"], cutoff, beam_width, given["texture"], given["up"]
     return SpotLight(given["position"], direction, *values)
@@ -141,8 +147,8 @@ _SPOT = Record(
 
 @dataclass(frozen=True, slots=True)
 class ProjectorLight:
-    """A point light that projects `texture` along the unit vector `direction`, with `up` (unit) upwards: a direction has the
-    light of the place where a camera with this `fov` (degrees) along `fov_axis` ("x" or "y") would see it. None outside.
+    """A point light that projects `texture` along the unit vector `direction`, with `up` (unit) upwards. A camera in its place,
+    with this `fov` (degrees) along `fov_axis` ("x" or "y"), would see the texture fill the image. No light leaves elsewhere.
 
     `irradiance` in W/m2, times the texture, is that of a plane across the axis at a distance of 1: the radiant intensity at an
     angle theta from the axis is irradiance * texture / cos(theta)^3.
@@ -159,15 +165,14 @@ class ProjectorLight:
     @property
     def half_extents(self) -> tuple[float, float]:
         """Half the width and height of the image at a distance of 1 along the axis. A checkerboard is square."""
-        height, width = self.texture.pixels.shape[:2] if isinstance(self.texture, ImageTexture) else (1, 1)
+        height, width = sides(self.texture)
         half = math.tan(math.radians(self.fov) / 2.0)
         return (half, half * height / width) if self.fov_axis == "x" else (half * width / height, half)
 
 
 def _projector(given: Given, context: SceneReader) -> ProjectorLight:
-    _check_up(given, direction := _direction(given))
     values = (given[name] for name in ("up", "irradiance", "texture", "fov", "fov_axis"))
-    return ProjectorLight(given["position"], direction, *values)
+    return ProjectorLight(given["position"], _framed_direction(given), *values)
 
 
 _PROJECTOR = Record(
@@ -180,8 +185,7 @@ _PROJECTOR = Record(
             color(), "Irradiance of a plane across the axis at a distance of 1 m, where the texture is 1.", 1, unit="W/m²"
         ),
         "texture": Key(PROJECTED, "Name of the image, or of a checkerboard, which is square."),
-        "fov": Key(ANGLE, "Full angle of the image.", 40, unit="degrees"),
-        "fov_axis": Key(FOV_AXIS, "Axis of the image along which fov is measured.", "y"),
+        **LENS,
     },
     _projector,
     either=_EITHER_AXIS,

@@ -80,6 +80,12 @@ Number = float | Texture
 """Where a number is expected."""
 
 
+def sides(texture: UVTexture) -> tuple[int, int]:
+    """Height and width of an image in texels; a checkerboard is square."""
+    height, width = texture.pixels.shape[:2] if isinstance(texture, ImageTexture) else (1, 1)
+    return height, width
+
+
 def largest(texture: Texture) -> Triple:
     """The largest value of each channel, held in [0, 1]; of an attribute the largest that a mesh may have."""
     if isinstance(texture, MeshAttribute):

@@ -13,7 +13,6 @@ from harness.view.projection import Vector
 
 _PLACED = PointLight | SpotLight | ProjectorLight
 """Lights that stand at a point."""
-_KINDS = {PointLight: "point", SpotLight: "spot", ProjectorLight: "projector"}
 
 
 class Draggable(NamedTuple):
@@ -55,7 +54,7 @@ def _shapes(scene: Scene) -> Iterator[Draggable]:
 def _lights(scene: Scene) -> Iterator[Draggable]:
     for index, light in enumerate(scene.lights):
         if isinstance(light, _PLACED):
-            kind = _KINDS[type(light)]
+            kind = type(light).__name__.removesuffix("Light").lower()
             yield Draggable(f"light:{index}", f"{kind} light {index + 1}", kind)
 
 

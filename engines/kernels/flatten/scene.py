@@ -63,14 +63,12 @@ def flatten(scene: Scene, real: type, tracing: type) -> FlatScene:
     used = np.flatnonzero(np.bincount(geometry.joined(geometry.material)))
     programs = Programs(scene.materials, used, geometry.materials_on_uvs(), geometry.attribute_rows)
     frames = frame_rows(scene.lights, programs.texture)
-    features = _features(scene, geometry, lights, programs)._replace(light_frames=len(frames) > 0)
+    features = _features(scene, geometry, lights, programs, frames)
     flat = FlatScene(real, center, features, np.array(geometry.first_id, np.int64), bounds)
     _bind_shapes(flat, geometry)
     _bind_surfaces(flat, geometry, lights, programs)
     _bind_programs(flat, geometry, programs)
-    _bind_lights(flat, lights)
-    if frames:
-        flat.bind(SceneTable.light_frames, np.array(frames))
+    _bind_lights(flat, lights, frames)
     return flat
 
 
@@ -81,7 +79,9 @@ def _recentre(bounds: NDArray[np.float64], tracing: type) -> NDArray[np.float64]
     return middle if far and half > 0 and tracing == np.float32 else np.zeros(3)
 
 
-def _features(scene: Scene, geometry: Geometry, lights: LightList, programs: Programs) -> SceneFeatures:
+def _features(
+    scene: Scene, geometry: Geometry, lights: LightList, programs: Programs, frames: list[list[float]]
+) -> SceneFeatures:
     return SceneFeatures(
         triangles=geometry.counts["triangles"] > 0,
         spheres=geometry.counts["spheres"] > 0,
@@ -91,6 +91,7 @@ def _features(scene: Scene, geometry: Geometry, lights: LightList, programs: Pro
         lights=lights.kinds(),
         many_lights=len(lights.rows) > 1,
         mesh_lights=MESH in lights.kinds(),
+        light_frames=len(frames) > 0,
         turned_environment=environment.is_turned(lights.environment),
         **programs.features(),
     )
@@ -156,12 +157,14 @@ def _bind_programs(flat: FlatScene, geometry: Geometry, programs: Programs) -> N
     flat.bind(table.lookups, np.reshape(programs.lookups, (-1, LookupRow.size)))
 
 
-def _bind_lights(flat: FlatScene, lights: LightList) -> None:
+def _bind_lights(flat: FlatScene, lights: LightList, frames: list[list[float]]) -> None:
     real, table = flat.real, SceneTable
     flat.bind(table.n_lights, len(lights.rows))
     flat.bind(table.lights, np.array(lights.rows or np.zeros((1, LightRow.size)), np.float64).astype(real))
     if flat.features.textured_emission:
         flat.bind(table.light_primitives, np.array(lights.primitives or [-1], np.int32))
+    if frames:
+        flat.bind(table.light_frames, np.array(frames))
     flat.bind(table.light_faces, np.concatenate(lights.faces).astype(np.int32))
     flat.bind(table.light_cdf, np.concatenate(lights.cdf))
     flat.bind(table.light_ranges, np.array(lights.ranges or [(0, 0)], np.int32))

@@ -16,10 +16,10 @@ from engines.kernels.flatten.shapes import SPHERE as SPHERE_SHAPE
 from engines.kernels.lane.shapes import plane, sphere
 from engines.kernels.lane.shapes.coordinates import Coordinates
 from engines.kernels.lane.shapes.triangle import VertexUV, interpolated_uv
-from engines.kernels.lane.vector import Vec3, to_float64, to_real
+from engines.kernels.lane.vector import Vec3, to_float64
 from engines.kernels.layout import LANES, POINT_U0, POINT_U1, SURFACE
 from engines.kernels.stages.material import analytic_coordinates
-from engines.kernels.stages.textures import OnTriangle, make_color
+from engines.kernels.stages.textures import OnTriangle, as_light, make_color
 
 
 @inline
@@ -67,8 +67,7 @@ def _make_radiance(features: SceneFeatures, real: Any) -> Any:
         if texture < 0:
             return white
         at = place(scene, row, p, b1, b2)
-        color = color_of(scene, texture, at, OnTriangle(primitive, b1, b2))
-        return to_real(Vec3(max(color.x, 0.0), max(color.y, 0.0), max(color.z, 0.0)), real)
+        return as_light(color_of(scene, texture, at, OnTriangle(primitive, b1, b2)), real)
 
     return radiance
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from engines.kernels.compile.jit import inline
 from engines.kernels.flatten.lights import PROJECTOR, SPOT
-from engines.kernels.lane.vector import Vec3, dot, to_float64, to_real
+from engines.kernels.lane.vector import Vec3, dot, to_float64
 from engines.kernels.layout import LANES, SURFACE
-from engines.kernels.stages.textures import color_at
+from engines.kernels.stages.textures import as_light, color_at
 
 
 @cache
@@ -29,14 +29,12 @@ def make_light_samples(real: Any) -> Any:
                 frame = scene.light_frames[rays.chosen_light[lane]]
                 texture = np.int64(frame.texture)
                 if texture >= 0:
-                    wi = to_float64(rays.light_sample.wi[lane])
+                    wi = to_float64(rays.light_sample.wi[lane])  # -d of `LightFrameRow`: the signs of u and v cancel
                     depth = dot(wi, frame.axis)
                     u, v = 0.5 + dot(wi, frame.across) / depth, 0.5 + dot(wi, frame.down) / depth
                     shown = black
                     if depth < 0.0 and 0.0 <= u <= 1.0 and 0.0 <= v <= 1.0:
-                        color = color_at(scene, texture, u, v)
-                        color = to_real(Vec3(max(color.x, 0.0), max(color.y, 0.0), max(color.z, 0.0)), real)
-                        shown = rays.light_sample.radiance[lane] * color
+                        shown = rays.light_sample.radiance[lane] * as_light(color_at(scene, texture, u, v), real)
                     rays.light_sample.radiance[lane] = shown
 
     return light_samples

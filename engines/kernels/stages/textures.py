@@ -12,7 +12,7 @@ from engines.kernels.compile.records import array_at, prefetch
 from engines.kernels.features import SceneFeatures, per_features
 from engines.kernels.flatten import palettes
 from engines.kernels.flatten.programs import CHECKERBOARD, CLAMP, FACE_ATTRIBUTE, REPEAT, VERTEX_ATTRIBUTE
-from engines.kernels.lane.vector import Vec3
+from engines.kernels.lane.vector import Vec3, to_real
 
 
 class Place(NamedTuple):
@@ -104,6 +104,12 @@ def color_at(scene, texture, u, v):
     above = _texel(texels, row, at.above + at.left) * (1.0 - at.fx) + _texel(texels, row, at.above + at.right) * at.fx
     below = _texel(texels, row, at.below + at.left) * (1.0 - at.fx) + _texel(texels, row, at.below + at.right) * at.fx
     return above * (1.0 - at.fy) + below * at.fy
+
+
+@inline
+def as_light(color, real):
+    """A colour of a texture that emits: less than 0 counts as 0."""
+    return to_real(Vec3(max(color.x, 0.0), max(color.y, 0.0), max(color.z, 0.0)), real)
 
 
 class OnTriangle(NamedTuple):

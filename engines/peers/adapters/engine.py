@@ -11,7 +11,7 @@ from engines.choices import SAMPLERS, SHADERS, Choice, Option
 from engines.errors import Unsupported, why_unsupported
 from engines.interface import Settings
 from engines.peers.adapters.image_renderer import ImageRenderer
-from engines.peers.adapters.lacks import environments_lack, point_lights_lack, projected_lack
+from engines.peers.adapters.lacks import environments_lack, point_lights_lack
 from engines.scene import Orthographic, Scene, Texture
 from engines.scene.support import foreign, refusal_of
 
@@ -143,7 +143,6 @@ class AdapterEngine:
                 yield f"material {material.name!r}: {name} has no surfaces that emit on both sides"
         yield point_lights_lack(scene, name)
         yield environments_lack(scene, name)
-        yield projected_lack(scene, name)
 
 
 def _listed(values: Container[Any]) -> str:

@@ -3,18 +3,7 @@
 from __future__ import annotations
 
 from engines.peers.adapters.colors import largest, least
-from engines.scene import (
-    Bump,
-    EnvironmentLight,
-    Mesh,
-    Mixture,
-    NormalMap,
-    PointLight,
-    ProjectorLight,
-    Scene,
-    SpotLight,
-    Triangle,
-)
+from engines.scene import Bump, EnvironmentLight, Mesh, Mixture, NormalMap, PointLight, Scene, Triangle
 from engines.scene.bsdf import Bsdf
 from engines.scene.bsdf_tree import is_textured, own_textures
 
@@ -25,12 +14,6 @@ def point_lights_lack(scene: Scene, who: str) -> str | None:
     """One sentence where a point light does not fall off, which `who` does not support, or None."""
     forever = any(isinstance(light, PointLight) and not light.falloff for light in scene.lights)
     return f"{who}'s point lights fall off with the square of the distance" if forever else None
-
-
-def projected_lack(scene: Scene, who: str) -> str | None:
-    """One sentence where a light projects a texture, which `who` does not support, or None."""
-    shown = any(isinstance(light, SpotLight | ProjectorLight) and light.texture is not None for light in scene.lights)
-    return f"{who} has no lights that project textures" if shown else None
 
 
 def environments_lack(scene: Scene, who: str) -> str | None:

@@ -86,7 +86,7 @@ class Engine(AdapterEngine):
         return version_with("bpy", "2")
 
     def lacks(self, scene: Scene, settings: Settings) -> str | None:
-        """What materials, textures, spheres and environments have no exact counterpart; images that are too small."""
+        """What materials, textures, spheres and lights have no exact counterpart; images that are too small."""
         if min(settings.size(scene)) < LEAST_SIDE:
             return f"Blender renders no images of less than {LEAST_SIDE} pixels a side"
         for material in scene.materials:
@@ -99,6 +99,8 @@ class Engine(AdapterEngine):
                 return f"material {material.name!r}: Cycles has no exact counterpart of {lacking}"
         if lacks := textures_lack(scene):
             return lacks
+        if any(isinstance(light, SpotLight) and light.texture is not None for light in scene.lights):
+            return "textures of lights are not translated for Cycles"
         if any(isinstance(light, EnvironmentLight) and light.rows == "poles" for light in scene.lights):
             return "Cycles has no environments whose rows lie on the poles"
         return spheres_lack(scene)

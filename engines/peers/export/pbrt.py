@@ -19,7 +19,7 @@ import engines.scene as model
 from engines.errors import Unsupported
 from engines.peers.adapters.colors import largest, mirror_share
 from engines.peers.adapters.geometry import extent, pieces
-from engines.peers.adapters.lacks import point_lights_lack, projected_lack
+from engines.peers.adapters.lacks import point_lights_lack
 from engines.peers.adapters.tessellation import squares
 from engines.peers.export.files import Beside, numbers
 from engines.peers.mitsuba.bsdfs import material_lacks
@@ -63,7 +63,7 @@ def _lacks(scene: model.Scene) -> str | None:
         if lacks := material_lacks(material) or _bsdf_lacks(material.as_bsdf):
             return f"material {material.name!r}: pbrt does not support {lacks}"
     lights_lack = next(filter(None, map(_light_lacks, scene.lights)), None)
-    return lights_lack or point_lights_lack(scene, "pbrt") or projected_lack(scene, "pbrt")
+    return lights_lack or point_lights_lack(scene, "pbrt")
 
 
 def _view_lacks(camera: Any) -> str | None:
@@ -73,6 +73,8 @@ def _view_lacks(camera: Any) -> str | None:
 
 
 def _light_lacks(light: model.Light) -> str | None:
+    if isinstance(light, model.SpotLight | model.ProjectorLight) and light.texture is not None:
+        return "textures of lights are not translated for pbrt"
     if isinstance(light, model.EnvironmentLight) and light.image is not None:
         return "pbrt's images of the sky are octahedral, and ours is latitude-longitude"
     if isinstance(light, model.SpotLight) and light.beam_width < light.cutoff:

@@ -31,23 +31,18 @@ def _directional(light: DirectionalLight, placing: Placing, textures: Textures) 
 
 def _spot(light: SpotLight, placing: Placing, textures: Textures) -> Node:
     """Textures are upside down there."""
-    node: Node = {
-        "type": "spot",
-        "to_world": facing(light.position, light.direction, 1.0),
-        "intensity": rgb(light.intensity),
-        "cutoff_angle": light.cutoff,
-        "beam_width": light.beam_width,
-    }
+    to_world, intensity, shown = facing(light.position, light.direction, 1.0), light.intensity, {}
     if light.texture is not None:
-        texture, factor = _held(light.texture)
-        node |= {"to_world": _framed(light, np.negative(light.up)), "texture": textures.color(texture)}
-        node["intensity"] = rgb(product(light.intensity, factor))
-    return node
+        texture, factor = _at_most_one(light.texture)
+        to_world, intensity = _framed(light, np.negative(light.up)), product(light.intensity, factor)
+        shown = {"texture": textures.color(texture)}
+    cone = {"intensity": rgb(intensity), "cutoff_angle": light.cutoff, "beam_width": light.beam_width}
+    return {"type": "spot", "to_world": to_world, **cone, **shown}
 
 
 def _projector(light: ProjectorLight, placing: Placing, textures: Textures) -> Node:
     """Its scale is a number, and lacks a factor of pi; a coloured irradiance tints the image."""
-    texture, factor = _held(light.texture)
+    texture, factor = _at_most_one(light.texture)
     scale = max(light.irradiance)
     if min(light.irradiance) < scale:
         texture = tinted(texture, triple(np.divide(light.irradiance, scale)))
@@ -61,7 +56,7 @@ def _projector(light: ProjectorLight, placing: Placing, textures: Textures) -> N
     }
 
 
-def _held(texture: UVTexture) -> tuple[UVTexture, float]:
+def _at_most_one(texture: UVTexture) -> tuple[UVTexture, float]:
     """The texture and its factor: in Mitsuba, no colour of a checkerboard is above 1."""
     if isinstance(texture, ImageTexture):
         return texture, 1.0

@@ -16,7 +16,7 @@ LUMINANCE_OF = "_as_number"
 
 
 class Textures:
-    """The textures that the materials of a scene use: `nodes` by their names at the top of the scene.
+    """The textures that materials and lights of a scene use: `nodes` by their names at the top of the scene.
 
     `read_as_numbers` are the names of attributes whose luminance counts: Mitsuba wants it as an attribute of its own.
     """

@@ -8,7 +8,7 @@ from math import pi
 
 import numpy as np
 
-from engines.scene.frames import Matrix, mirrored, nearest_orthogonal
+from engines.scene.frames import mirrored, nearest_orthogonal
 from engines.scene.geometry import read_only
 from engines.scene.lights import (
     DirectionalLight,
@@ -26,7 +26,7 @@ from engines.scene.mitsuba_xml.sensors import Film, field_of_view
 from engines.scene.mitsuba_xml.sky import baked
 from engines.scene.mitsuba_xml.textures import color_or_texture, texture
 from engines.scene.mitsuba_xml.transforms import similarity
-from engines.scene.textures import Color, ImageTexture, MeshAttribute, Texture, UVTexture
+from engines.scene.textures import Checkerboard, Color, MeshAttribute, Texture, UVTexture, sides
 from engines.scene.triple import WHITE, Triple, product, triple
 from engines.schema.fields import unit
 
@@ -96,36 +96,32 @@ def _spot(importer: Importer, plugin: Plugin) -> SpotLight:
         return made
     if cutoff >= 90.0:
         raise plugin.refuse_property("cutoff_angle", "must be below 90 degrees with a texture")
-    axes, _ = _frame(plugin)
-    # the texture of a spot light is upside down in Mitsuba
-    shown = _shown(nested, texture(importer, nested), mirrored(matrix))
-    return replace(made, direction=triple(axes[:, 2]), texture=shown, up=triple(-axes[:, 1]))
+    _scale(plugin)
+    up = _direction(plugin, triple(-matrix[:3, 1]))  # the texture of a spot light is upside down in Mitsuba
+    return replace(made, texture=_shown(nested, texture(importer, nested), mirrored(matrix)), up=up)
 
 
 def _projector(importer: Importer, plugin: Plugin) -> ProjectorLight:
     """Mitsuba's irradiance lacks a factor of pi; `to_world` scales the light."""
-    axes, size = _frame(plugin)
-    factor = pi * size * plugin.number("scale", default=1.0, low=0.0)
+    matrix, factor = plugin.transform(), pi * _scale(plugin) * plugin.number("scale", default=1.0, low=0.0)
     irradiance = color_or_texture(importer, plugin, "irradiance", default=WHITE, role=EMISSION)
-    color = product(irradiance if isinstance(irradiance, tuple) else WHITE, factor)
     if isinstance(irradiance, tuple):
-        irradiance = ImageTexture(read_only(np.ones((1, 1, 1), np.float32)), name="white")
-    matrix = plugin.transform()
+        irradiance = Checkerboard(irradiance, irradiance)
     shown = _shown(plugin, irradiance, mirrored(matrix))
-    height, width = shown.pixels.shape[:2] if isinstance(shown, ImageTexture) else (1, 1)
+    height, width = sides(shown)
     if 1 in (height, width) and height != width:
         raise plugin.refuse("an image of a single row or column is not supported: Mitsuba doubles it")
     fov, axis = field_of_view(plugin, Film(width, height, crop_width=width, crop_height=height))
-    return ProjectorLight(triple(matrix[:3, 3]), triple(axes[:, 2]), triple(axes[:, 1]), color, shown, fov, axis)
+    direction, up = (_direction(plugin, triple(matrix[:3, column])) for column in (2, 1))
+    return ProjectorLight(triple(matrix[:3, 3]), direction, up, product(WHITE, factor), shown, fov, axis)
 
 
-def _frame(plugin: Plugin) -> tuple[Matrix, float]:
-    """The axes and the scale of the `to_world` of a light with a texture. Raises `SceneError` where it stretches."""
-    linear = plugin.transform()[:3, :3]
-    size = similarity(linear)
-    if size is None:
+def _scale(plugin: Plugin) -> float:
+    """The scale of the `to_world` of a light with a texture. Raises `SceneError` where it stretches."""
+    scale = similarity(plugin.transform()[:3, :3])
+    if scale is None:
         raise plugin.refuse("to_world of a light with a texture must not stretch or shear")
-    return nearest_orthogonal(linear), size
+    return scale
 
 
 def _shown(plugin: Plugin, made: Texture | Triple, mirror: bool) -> UVTexture:
