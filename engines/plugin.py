@@ -87,7 +87,7 @@ class Light:
     options that are points: the engine may move them, and p, by a vector.
 
     `numpy(options, p, normal, u0, u1) -> (wi, distance, radiance, pdf)` is the same over arrays: vectors (3, n), numbers
-    (n,), `options` a mapping.
+    (n,), `options` a mapping. Normals are 0 in media.
     """
 
     name: str

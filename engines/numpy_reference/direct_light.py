@@ -83,7 +83,7 @@ def _shifted(u: Array, steps: int) -> Array:
 
 def _target(context: Context, at: Vertex, candidate: SampledLight) -> Array:
     """(n,) luminance of Li |n . wi| over the density of the candidate, times its weight beside samples of a diffuse BSDF: 0
-    where nothing of it is scattered."""
+    where nothing of it is scattered. In media 1 stands in the place of the cosine."""
     light = candidate.light
     reached = (light.weight > 0.0).any(axis=0)
     if not context.lit_through:

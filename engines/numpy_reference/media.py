@@ -102,10 +102,10 @@ class Media:
         """
         sigma_t = self.sigma_t.take(medium, axis=1)
         grey = (sigma_t == sigma_t[0]).all(axis=0)
-        channel, rest = _channel(throughput, u)
-        channel, rest = np.where(grey, 0, channel), np.where(grey, u, rest)
-        chosen = np.take_along_axis(sigma_t, channel[None], axis=0)[0]
         with np.errstate(divide="ignore", invalid="ignore"):
+            channel, rest = _channel(throughput, u)
+            channel, rest = np.where(grey, 0, channel), np.where(grey, u, rest)
+            chosen = np.take_along_axis(sigma_t, channel[None], axis=0)[0]
             flight = np.where(chosen > 0.0, -np.log1p(-rest) / chosen, np.inf)
             way = np.minimum(flight, distance)
             # of channels that light is left in; a factor that all have in common is left out

@@ -41,13 +41,15 @@ def Li(context: Context, origin: Array, direction: Array, pixel: Indices, sample
             paths.medium, paths.throughput, context.draw(paths.pixel, sample, base + FLIGHT), distance
         )
         paths = paths._replace(throughput=paths.throughput * weight)
-        inside, outside = np.flatnonzero(flight < distance), np.flatnonzero(flight >= distance)
+        scatters = flight < distance  # a bad sample's flight is NaN: surfaces go on with it, and it is counted
+        inside, outside = np.flatnonzero(scatters), np.flatnonzero(~scatters)
         found = _medium_vertices(context, paths.take(inside), flight[inside], distance[inside], total, sample, base)
         _, paths, scattered = surface_vertices(context, paths.take(outside), hits.take(outside), total, sample, event)
-        paths = found.beside(paths)
+        paths, vertex = found.beside(paths), np.append(np.ones(found.lane.size, bool), scattered)
+        alive = np.flatnonzero((paths.throughput != 0.0).any(axis=0))  # colours without a common channel leave nothing
+        paths, vertex = paths.take(alive), vertex[alive]
         if not paths.lane.size:
             break
-        vertex = np.concatenate([np.ones(found.lane.size, bool), scattered])
         paths = roulette(context, paths, vertex & (paths.depth > context.options["rr_depth"] + 1), sample, base)
     return total
 

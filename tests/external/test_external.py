@@ -8,15 +8,18 @@ import time
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
 import engines
 from engines import Settings
+from engines.choices import SHADERS, resolve
 from engines.errors import ConfigError, RendererFailed, Unsupported
 from engines.peers.external.description import filled
-from engines.scene import CustomLight
+from engines.peers.external.scenes import mitsuba_file
+from engines.scene import CustomLight, HomogeneousMedium
 from engines.scene.formats.floats import read_pfm
 from tests.external.describing import described
 from tests.needs import needs
@@ -218,6 +221,19 @@ def test_portable_float_maps_are_read_from_the_bottom_up_in_either_byte_order():
     for bad in (b"", b"P6 1 1 255\nabc", b"PF\n2 2\n-1\n1234", b"PF\n0 0\n-1\n"):
         with pytest.raises(ValueError, match=r"PFM file|cut short"):
             read_pfm(io.BytesIO(bad))
+
+
+@needs("mitsuba-scalar")
+def test_scenes_with_media_are_exported_to_mitsuba_with_the_shader_that_renders_them(tmp_path):
+    fog = HomogeneousMedium("fog", (1.0,) * 3, (0.5,) * 3)
+    clear, foggy = SCENE, replace(SCENE, media=(fog,), camera=replace(SCENE.camera, medium=0))
+    for scene, shader, integrator in ((clear, "path_tracer", "path"), (foggy, "volumetric_path_tracer", "volpath")):
+        settings = Settings(6, 4, shader=resolve("shader", shader, SHADERS))
+        root = ElementTree.parse(mitsuba_file(scene, settings, tmp_path)).getroot()
+        assert [node.get("type") for node in root.iter("integrator")] == [integrator]
+    for scene, shader in ((clear, "volumetric_path_tracer"), (foggy, "path_tracer")):
+        with pytest.raises(Unsupported, match=f"not with {shader}"):
+            mitsuba_file(scene, Settings(6, 4, shader=resolve("shader", shader, SHADERS)), tmp_path)
 
 
 @needs("mitsuba-scalar")

@@ -54,9 +54,9 @@ def test_materials_without_counterpart_are_declined(material, words):
         ({"precision": "float64"}, "float32"),
         ({"sampler": "sobol"}, "sobol"),
         ({"shader": {"name": "path_tracer", "direct": "light"}}, "multiple importance"),
-        ({"shader": {"name": "path_tracer", "light_sampler": "power"}}, "chooses lights evenly"),
-        ({"shader": {"name": "path_tracer", "light_candidates": 4}}, "resamples no light samples"),
-        ({"shader": {"name": "path_tracer", "guiding": "sd_tree"}}, "guides no paths"),
+        ({"shader": {"name": "path_tracer", "light_sampler": "power"}}, "choose lights evenly"),
+        ({"shader": {"name": "path_tracer", "light_candidates": 4}}, "resample no light samples"),
+        ({"shader": {"name": "path_tracer", "guiding": "sd_tree"}}, "guide no paths"),
     ],
 )
 def test_settings_without_counterpart_are_declined(settings, words):

@@ -1,15 +1,23 @@
 """Phase functions and flights of the NumPy engine, by their definitions (docs/transport.md, "Media")."""
 
+import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+import engines
+from engines import Settings
 from engines.numpy_reference.geometry import Geometry
+from engines.numpy_reference.light_samplers.hierarchy import HierarchicalLightSampler
 from engines.numpy_reference.lights.environment import ConstantEnvironment
 from engines.numpy_reference.media import Media, MediumInteraction
 from engines.numpy_reference.vectors import dot
-from engines.scene import EnvironmentLight, HomogeneousMedium
+from engines.scene import CustomBSDF, EnvironmentLight, HomogeneousMedium, Material, Perspective, Plane, PointLight, Scene
+from engines.scene.light_hierarchy import light_hierarchy
+from tests.numpy_reference.bsdf_points import LommelSeeliger
+from tests.numpy_reference.small_scenes import AHEAD
 
 GS = (0.0, 1e-9, 0.3, -0.7, 0.95)
 
@@ -89,6 +97,12 @@ def test_where_channels_are_equal_weights_are_1_to_the_last_bit():
     assert flight.mean() == pytest.approx(1.0 / 0.7, rel=0.03)
 
 
+def test_bad_paths_fly_without_a_warning():
+    with np.errstate(invalid="raise"):
+        flight, after, _ = fly((1.0, 2.0, 3.0), (math.inf, 1.0, 1.0), 1.0, 10)
+    assert np.isnan(flight).all() and np.isnan(after).any(axis=0).all()
+
+
 def test_in_vacuum_rays_fly_for_ever():
     empty = media(((1.0,) * 3, (1.0,) * 3))
     vacuum, beta = np.full(3, -1), np.ones((3, 3))
@@ -111,3 +125,41 @@ def test_where_there_is_no_normal_a_constant_environment_is_sampled_uniformly():
     assert np.sqrt(dot(wi, wi)) == pytest.approx(1.0)
     assert wi.mean(axis=1) == pytest.approx(0.0, abs=0.03)
     assert np.square(wi).mean(axis=1) == pytest.approx(1 / 3, abs=0.02)
+
+
+def test_vertices_without_a_normal_choose_lights_in_every_octant():
+    places = list(itertools.product((-1.0, 1.0), repeat=3))
+    lights = tuple(PointLight(place, (1.0,) * 3) for place in places)
+    fog = HomogeneousMedium("fog", (1.0,) * 3, (1.0,) * 3)
+    camera = replace(AHEAD, medium=0)
+    sampler = HierarchicalLightSampler(light_hierarchy(Scene("fog", camera, (), (), lights, "", media=(fog,))))
+    nowhere = np.zeros((3, 8))
+    assert sampler.inverse_pmf(np.arange(8), nowhere, nowhere) == pytest.approx(8.0)
+
+
+def foggy(floor, ceiling, sigma_t):
+    """A film of two parallel planes of these materials, in fog that scatters light of every colour."""
+    planes = [Plane((0.0, z, 0.0), (0.0, -z, 0.0), k, exterior=0) for k, z in enumerate((-1.0, 1.0))]
+    camera = Perspective((0.0, 0.0, 0.0), (1.0, -1.0, 0.0), (0.0, 1.0, 0.0), 60.0, "y", (8, 8), medium=0)
+    fog, lamp = HomogeneousMedium("fog", sigma_t, (1.0,) * 3), PointLight((0.0, 0.0, 0.0), (1.0,) * 3)
+    made = Scene("fog", camera, (floor, ceiling), tuple(planes), (lamp,), "", media=(fog,))
+    settings = Settings(shader={"name": "volumetric_path_tracer", "max_depth": 20, "rr_depth": 100}, sampler="random", seed=1)
+    return engines.engine("numpy").prepare(made, settings).render(4)
+
+
+def test_paths_that_have_lost_every_colour_end():
+    """Red surfaces leave nothing of the light of green ones, and no flight can be drawn of it."""
+    with np.errstate(invalid="raise"):
+        film = foggy(Material("red", kd=(0.9, 0.0, 0.0)), Material("green", kd=(0.0, 0.9, 0.0)), (0.0, 0.1, 0.2))
+    assert film.bad_samples == 0
+    assert film.mean().max() > 0.0
+
+
+def test_samples_with_a_bad_weight_in_media_are_counted():
+    class Broken(LommelSeeliger):
+        def sample(self, options, at, uc, u0, u1, lobes):
+            wi, weight, pdf = super().sample(options, at, uc, u0, u1, lobes)
+            return wi, np.full_like(weight, np.nan), pdf
+
+    broken = Material("broken", bsdf=CustomBSDF(Broken(), {"albedo": (0.9, 0.6, 0.3)}))
+    assert foggy(broken, broken, (0.1, 0.2, 0.3)).bad_samples > 0

@@ -43,7 +43,7 @@ def homogeneous(body, name="interior"):
             0.0,
         ),
         ('<boolean name="has_spectral_extinction" value="false"/>', (1.0,) * 3, (0.75,) * 3, 0.0),
-        ('<boolean name="sample_emitters" value="false"/>', (1.0,) * 3, (0.75,) * 3, 0.0),
+        ('<boolean name="sample_emitters" value="true"/>', (1.0,) * 3, (0.75,) * 3, 0.0),
     ],
 )
 def test_homogeneous_media_are_read(tmp_path, body, sigma_t, albedo, g):
@@ -55,9 +55,30 @@ def test_the_coefficients_of_older_files_are_scattering_and_absorption(tmp_path)
     assert media(tmp_path, homogeneous(body), "0.6.0") == HomogeneousMedium("m", (4.0, 0.0, 8.0), (0.5, 0.0, 0.75))
 
 
+@pytest.mark.parametrize(
+    ("body", "said"),
+    [
+        ("", "both sigma_t and albedo"),
+        ('<rgb name="sigmaT" value="1,2,3"/>', "both sigma_t and albedo"),
+        ('<rgb name="sigmaA" value="1,2,3"/>', "both sigma_s and sigma_a"),
+    ],
+)
+def test_coefficients_that_older_files_take_from_a_preset_are_refused(tmp_path, body, said):
+    message = refusal(tmp_path, f'<shape type="sphere">{homogeneous(body)}</shape>{LAMP}', "0.6.0")
+    assert said in message and "Skin1" in message
+
+
+def test_a_medium_that_samples_no_emitters_is_noted(tmp_path):
+    for value, noted in (("true", False), ("false", True)):
+        body = homogeneous(f'<boolean name="sample_emitters" value="{value}"/>')
+        found = scene(tmp_path, f'<shape type="sphere">{body}</shape>{LAMP}')
+        assert any("sample_emitters" in warning for warning in found.warnings) == noted
+
+
 def test_a_medium_without_a_bsdf_has_a_clear_boundary_in_older_files(tmp_path):
+    body = homogeneous('<float name="sigmaT" value="1"/><float name="albedo" value="0.5"/>')
     for version, clear in (("0.6.0", True), ("3.0.0", False)):
-        found = scene(tmp_path, f'<shape type="sphere">{homogeneous("")}</shape>{LAMP}', version)
+        found = scene(tmp_path, f'<shape type="sphere">{body}</shape>{LAMP}', version)
         assert (found.materials[0].bsdf == Null()) == clear
 
 
@@ -89,7 +110,13 @@ REFUSED = {
         homogeneous('<rgb name="sigma_t" value="1,0.5,1"/><boolean name="has_spectral_extinction" value="false"/>'),
         ["has_spectral_extinction"],
     ),
-    "twice": (homogeneous("") + '<ref name="interior" id="m"/>', ["second interior"]),
+    "twice": (homogeneous("") + '\n\n<ref name="interior" id="m"/>', ["s.xml:4 ", "second interior"]),
+    "volume in itself": (
+        homogeneous('<volume type="constvolume" name="sigma_t" id="v"><ref name="value" id="v"/></volume>'),
+        ["has no use for volume"],
+    ),
+    "both pairs": (homogeneous('<rgb name="sigma_s" value="1,2,3"/><float name="albedo" value="0.5"/>'), ["not some of both"]),
+    "scale": (homogeneous('<float name="sigma_t" value="1e30"/><float name="scale" value="1e30"/>'), ["at most 3.4e+38"]),
 }
 
 
@@ -113,6 +140,12 @@ def test_a_sensor_in_a_medium_keeps_its_near_plane(tmp_path, kind):
     assert isinstance(cameras[0], Perspective | Orthographic)
     assert [camera.medium for camera in cameras] == [None, 0]
     assert [camera.clip for camera in cameras] == [(0.0, math.inf), (0.01, 1e4)]
+
+
+def test_a_second_medium_of_a_sensor_is_refused_where_it_is_named(tmp_path):
+    inside = SENSOR.replace("</sensor>", '<ref name="medium" id="fog"/>\n<ref name="medium" id="fog"/></sensor>')
+    message = refusal(tmp_path, f'{FOG}<shape type="sphere"/>{LAMP}', sensor=inside)
+    assert "s.xml:6 " in message and "second medium" in message
 
 
 @pytest.mark.parametrize(

@@ -88,5 +88,5 @@ class HierarchicalLightSampler:
 
 
 def _angle(a: Array, b: Array) -> Array:
-    """Between vectors of any length, precise near 0 and pi."""
-    return np.arctan2(norm(cross(a, b)), dot(a, b))
+    """Between vectors of any length, precise near 0 and pi; 0 where one is 0, whatever the signs of its zeros."""
+    return np.arctan2(norm(cross(a, b)), dot(a, b) + 0.0)

@@ -22,7 +22,7 @@ class ChosenLight(NamedTuple):
 
 
 class LightSampler(Protocol):
-    """Points (3, n) and the geometric normals there, which face the viewer, are those of the vertices."""
+    """Points (3, n) and the geometric normals there, which face the viewer and are 0 in media, are those of the vertices."""
 
     def choose(self, point: Array, geometric: Array, u: Array) -> ChosenLight:
         """One light a point, by a random number (n,) each."""

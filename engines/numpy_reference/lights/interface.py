@@ -52,7 +52,7 @@ class LightSet(Protocol):
         """The scene's lights of this kind, in their order."""
 
     def sample(self, light: Indices, point: Array, normal: Array, u0: Array, u1: Array, uc: Array) -> LightSample:
-        """One sample of each light from points with shading normals (3, n), by three draws (n,) each."""
+        """One sample of each light from points with shading normals (3, n), 0 in media, by three draws (n,) each."""
         ...
 
 
@@ -64,7 +64,7 @@ class InfiniteLightSet(LightSet, Protocol):
         ...
 
     def pdf(self, light: int, direction: Array, normal: Array) -> Array:
-        """(n,) per solid angle, with which `sample` finds the directions from points with these normals."""
+        """(n,) per solid angle, with which `sample` finds the directions from points with these normals, 0 in media."""
         ...
 
 

@@ -50,8 +50,9 @@ def pbrt_file(scene: Scene, settings: Settings, folder: Path) -> Path:
 
 
 def _exported(form: str, scene: Scene, settings: Settings, folder: Path) -> Path:
-    if settings.shader.name != "path_tracer":
-        raise Unsupported(f"scenes are exported to {form} with a path tracer, not with the shader {settings.shader.name}")
+    expected = "volumetric_path_tracer" if form == "mitsuba" and scene.media else "path_tracer"
+    if settings.shader.name != expected:
+        raise Unsupported(f"this scene is exported to {form} with the shader {expected}, not with {settings.shader.name}")
     from engines.peers.export import export
 
     sized = replace(scene, camera=replace(scene.camera, resolution=settings.size(scene)))

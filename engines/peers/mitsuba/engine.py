@@ -153,11 +153,11 @@ class Engine:
             return f"the engine {self.name} takes no plugins"
         options = shader.options if shader.name in ("path_tracer", "volumetric_path_tracer") else {}
         if options.get("direct", "mis") != "mis":
-            return "Mitsuba's path integrator finds direct light by multiple importance sampling only"
+            return "Mitsuba's path and volpath find direct light by multiple importance sampling only"
         if options.get("light_sampler", "uniform") != "uniform":
-            return "Mitsuba's path integrator chooses lights evenly only"
+            return "Mitsuba's path and volpath choose lights evenly only"
         if options.get("light_candidates", 1) != 1 or options.get("guiding", "none") != "none":
-            return "Mitsuba's path integrator resamples no light samples and guides no paths: light_candidates 1, guiding none"
+            return "Mitsuba's path and volpath resample no light samples and guide no paths: light_candidates 1, guiding none"
         if sampler.name not in ("random", "stratified", *SAMPLERS):
             return f"Mitsuba has no sampler {sampler.name}: known: random, stratified, {', '.join(SAMPLERS)}"
         if self.variant == library.SCALAR:

@@ -17,7 +17,7 @@ from engines.scene.frames import LARGEST, Matrix
 from engines.scene.materials import Material
 from engines.scene.media import HomogeneousMedium
 from engines.scene.mitsuba_xml.document import Element
-from engines.scene.mitsuba_xml.properties import Plugin
+from engines.scene.mitsuba_xml.properties import Plugin, element_of
 from engines.scene.models import Diffuse
 from engines.scene.notes import Notes
 from engines.scene.shapes import Shape, check_area
@@ -98,8 +98,7 @@ class Importer:
             self.notes.add(f"{name} of {plugin.kind} {plugin.type} is not read", element)
         for child in plugin.untaken():
             inner = self.resolve(child)
-            element = child.element if isinstance(child, Plugin) else child
-            raise element.refuse(f"{plugin.kind} {plugin.type!r} has no use for {inner.kind} {inner.type!r}")
+            raise element_of(child).refuse(f"{plugin.kind} {plugin.type!r} has no use for {inner.kind} {inner.type!r}")
 
     def material(self, bsdf: Bsdf | None, radiance: Color, name: str) -> int:
         """The index of the material with this BSDF (None is black) and emission; the same for the same values."""

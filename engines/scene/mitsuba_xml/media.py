@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from engines.scene.media import HomogeneousMedium
 from engines.scene.mitsuba_xml.colors import INDEX, REFLECTANCE, color
 from engines.scene.mitsuba_xml.context import Importer
-from engines.scene.mitsuba_xml.properties import Plugin, name_of
+from engines.scene.mitsuba_xml.properties import Plugin, element_of, name_of
+from engines.scene.mitsuba_xml.transforms import LARGEST_NUMBER
 from engines.scene.triple import Triple, product, triple
 
 SIDES = ("interior", "exterior")
 DEFAULT_SIGMA_T, DEFAULT_ALBEDO, DEFAULT_G = 1.0, 0.75, 0.8
-HARMLESS = ("sample_emitters",)
 
 
 def sides_of(importer: Importer, plugin: Plugin, exchanged: bool | NDArray[np.bool_]) -> dict[str, int]:
@@ -28,7 +28,7 @@ def sides_of(importer: Importer, plugin: Plugin, exchanged: bool | NDArray[np.bo
         if side not in SIDES:
             importer.notes.add("a medium of a shape is its interior or its exterior: others are not used", plugin.element)
         elif side in found:
-            raise made.refuse(f"a second {side}: a shape may have one")
+            raise element_of(child).refuse(f"a second {side}: a shape may have one")
         else:
             found[side] = medium(importer, made)
     if not found or not np.any(exchanged):
@@ -40,10 +40,13 @@ def sides_of(importer: Importer, plugin: Plugin, exchanged: bool | NDArray[np.bo
 
 def medium_around(importer: Importer, plugin: Plugin) -> dict[str, int]:
     """The medium that a sensor is in, by the field of ours. Raises `SceneError`."""
-    media = importer.taken(plugin, "medium")
-    if len(media) > 1:
-        raise media[1].refuse("a second medium: a sensor may be in one")
-    return {"medium": medium(importer, media[0])} if media else {}
+    found: dict[str, int] = {}
+    for made, child in importer.children(plugin, "medium"):
+        plugin.take(child)
+        if found:
+            raise element_of(child).refuse("a second medium: a sensor may be in one")
+        found["medium"] = medium(importer, made)
+    return found
 
 
 def medium(importer: Importer, plugin: Plugin) -> int:
@@ -61,8 +64,15 @@ def _homogeneous(importer: Importer, plugin: Plugin) -> HomogeneousMedium:
     scale = plugin.number("scale", default=1.0, low=0.0)
     if plugin.has("material"):
         raise plugin.refuse_property("material", "presets of media are not supported: give sigma_t and albedo")
-    if plugin.has("sigma_s", "sigma_a"):
-        sigma_s, sigma_a = (_coefficient(importer, plugin, name, 0.0) for name in ("sigma_s", "sigma_a"))
+    pairs = ("sigma_s", "sigma_a"), ("sigma_t", "albedo")
+    older = plugin.has(*pairs[0])
+    if older and plugin.has(*pairs[1]):
+        raise plugin.refuse("sigma_s and sigma_a, or sigma_t and albedo are expected, not some of both")
+    one, other = pairs[not older]
+    if plugin.element.source.old and not (plugin.has(one) and plugin.has(other)):
+        raise plugin.refuse(f"both {one} and {other} are expected: what is missing is that of the preset Skin1 in Mitsuba 0.6")
+    if older:
+        sigma_s, sigma_a = (_coefficient(importer, plugin, name, 0.0) for name in pairs[0])
         sigma_t = triple(s + a for s, a in zip(sigma_s, sigma_a, strict=True))
         albedo = triple(s / t if t > 0.0 else 0.0 for s, t in zip(sigma_s, sigma_t, strict=True))
     else:
@@ -70,10 +80,14 @@ def _homogeneous(importer: Importer, plugin: Plugin) -> HomogeneousMedium:
         albedo = _coefficient(importer, plugin, "albedo", DEFAULT_ALBEDO, REFLECTANCE)
     if not plugin.boolean("has_spectral_extinction", default=True) and len(set(sigma_t)) > 1:
         raise plugin.refuse_property("has_spectral_extinction", "must be true where sigma_t is a colour")
+    sigma_t = product(sigma_t, scale)
+    if max(sigma_t) > LARGEST_NUMBER:
+        raise plugin.refuse(f"the extinction, times scale, must be at most {LARGEST_NUMBER:g}")
+    if not plugin.boolean("sample_emitters", default=True):
+        importer.notes.add("sample_emitters of a medium: lights are always sampled", plugin.values["sample_emitters"])
     g = _asymmetry(importer, plugin)
-    plugin.read.update(HARMLESS)
     importer.finish(plugin)
-    return HomogeneousMedium(plugin.label, product(sigma_t, scale), albedo, g)
+    return HomogeneousMedium(plugin.label, sigma_t, albedo, g)
 
 
 def _coefficient(importer: Importer, plugin: Plugin, name: str, default: float, role: str = INDEX) -> Triple:
@@ -82,10 +96,10 @@ def _coefficient(importer: Importer, plugin: Plugin, name: str, default: float, 
     if nested is not None:
         if nested.type != "constvolume":
             raise nested.refuse("volumes that are not constant are not supported")
-        found = _coefficient(importer, nested, "value", 1.0, role)
-        importer.finish(nested)
-        return found
+        plugin, name, default = nested, "value", 1.0
     element = plugin.spectrum(name)
+    if nested is not None:
+        importer.finish(nested)
     return (default, default, default) if element is None else color(element, role)
 
 

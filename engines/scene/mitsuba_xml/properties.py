@@ -197,6 +197,11 @@ def name_of(child: Plugin | Element) -> str:
     return child.name if isinstance(child, Plugin) else snake_case(child.attributes.get("name", ""))
 
 
+def element_of(child: Plugin | Element) -> Element:
+    """Where a plugin is nested, or a reference to it stands."""
+    return child.element if isinstance(child, Plugin) else child
+
+
 def number_of(element: Element, low: float = -math.inf, high: float = math.inf) -> float:
     """The number of an element's `value`. Raises `SceneError` unless it lies in [low, high]."""
     try:

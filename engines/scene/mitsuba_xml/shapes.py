@@ -252,8 +252,8 @@ def _from_file(importer: Importer, plugin: Plugin, look: Look) -> Mesh:
 
 
 def _read(importer: Importer, plugin: Plugin, look: Look) -> tuple[Any, ...]:
-    """Vertices, faces, normals, texture coordinates and attributes of a file as its `to_world` places them; and (m,) whether a
-    face is turned over against its winding there, but by `flip_normals`."""
+    """Vertices, faces, normals, texture coordinates and attributes of a file as its `to_world` places them; and (m,) what
+    `sides_of` calls `exchanged`."""
     named, matrix = plugin.file("filename"), plugin.transform()
     turn, flat = plugin.boolean("flip_normals", default=False), plugin.boolean("face_normals", default=False)
     data = _mesh_data(importer, plugin, named, flat, look)

@@ -32,10 +32,14 @@ def numbers(element: Element, attribute: str, counts: tuple[int, ...]) -> list[f
     return values
 
 
+LARGEST_NUMBER = 3.4e38
+"""About that of float32, in which Mitsuba computes."""
+
+
 def number(text: str) -> float:
     """A finite number in the limits of float32. Raises `ValueError`."""
     value = float(text)
-    if not abs(value) <= 3.4e38 or "_" in text:
+    if not abs(value) <= LARGEST_NUMBER or "_" in text:
         raise ValueError
     return value
 
