@@ -24,9 +24,9 @@ SQUARE = 4 / math.sqrt(5) * math.atan(1 / math.sqrt(5))
 """Irradiance below the centre of a square of radiance 1, at the distance of its side."""
 SHADOW = 0.5 * (1 - 2**2 / (2**2 + 4**2))
 TRUTHS = {
-    "shadow scale=1e-5": SHADOW,
-    "shadow offset=1e5": SHADOW,
-    "shadow apart=-1e5, offset=1e5": SHADOW,
+    "shadow scale=0.00001": SHADOW,
+    "shadow offset=100000": SHADOW,
+    "shadow apart=-100000, offset=100000": SHADOW,
     "mask": 0.25 * 0.5,
     "lamp": 0.5 / math.pi * SQUARE,
     "bumped_mask": 0.5 * (1 - 0.3),
