@@ -21,6 +21,8 @@ sequence of Roberts (2018)."""
 LUMINANCE = np.array([[0.212671], [0.715160], [0.072169]])
 EVEN = 0.1
 """Share of the picks that do not depend on the targets."""
+LEAST_TARGET = 1e-6
+"""Share of the targets below which one gets no even share: a light in the plane of the surface is in front by rounding."""
 _BELOW_ONE = 1.0 - 2.0**-53
 
 
@@ -60,7 +62,8 @@ def resample_light(context: Context, at: Vertex, u0: Array, u1: Array, u: Array,
         for k in range(count)
     ]
     targets = np.array([_target(context, at, candidate) for candidate in candidates])
-    targets = np.where(targets > 0.0, targets + EVEN / (1.0 - EVEN) * targets.mean(axis=0), 0.0)
+    whole = targets.sum(axis=0)
+    targets = np.where(targets > LEAST_TARGET * whole, targets + EVEN / (1.0 - EVEN) / count * whole, targets)
     ends = np.cumsum(targets, axis=0)
     begins = np.vstack([np.zeros(u.size), ends[:-1]])
     eligible = (targets > 0.0) & (begins <= pick * ends[-1])
@@ -92,5 +95,5 @@ def _target(context: Context, at: Vertex, candidate: SampledLight) -> Array:
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
         target = (LUMINANCE * light.weight).sum(axis=0) * cosine * candidate.inverse_pmf
         if context.options["direct"] == "mis":
-            target *= 1.0 / (1.0 + (cosine / np.pi * candidate.inverse_pmf / light.pdf) ** 2)
+            target *= 1.0 / (1.0 + (cosine * (1.0 / np.pi) / (light.pdf / candidate.inverse_pmf)) ** 2)
     return np.where(reached, target, 0.0)

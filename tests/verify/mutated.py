@@ -139,7 +139,13 @@ FAULTS = [
     ),
     Fault("albedo not divided by pi", "bsdf/mixture.py", "at) / np.pi, 0.0)", "at), 0.0)", "i"),
     Fault("bounce multiplied by pi", "bsdf/mixture.py", "(q[lanes] / d[lanes])", "(np.pi * q[lanes] / d[lanes])", "a"),
-    Fault("light choice without its probability", "path_tracer.py", "(cosine * scale * weight)", "(cosine * weight)", "sum"),
+    Fault(
+        "light choice without its probability",
+        "path_tracer.py",
+        "(at.cosine(light.wi) * scale * weight)",
+        "(at.cosine(light.wi) * weight)",
+        "sum",
+    ),
     Fault(
         "light chosen by power, divided by the even probability",
         "light_samplers/plain.py",

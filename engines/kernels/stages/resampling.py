@@ -18,6 +18,8 @@ STEPS = (12664746, 9560334)
 """How far candidate k + 1 lies from candidate k in the numbers that place it on its light, in units of 2^-24."""
 EVEN = 0.1
 """Share of the picks that do not depend on the targets."""
+LEAST_TARGET = 1e-6
+"""Share of the targets below which one gets no even share: a light in the plane of the surface is in front by rounding."""
 PICK = ROULETTE
 """The draw that picks, which roulette reads as well."""
 
@@ -79,14 +81,14 @@ def _add_targets(rays, count, real):
 @inline
 def pick(rays, count, real):
     """Each lane turns to a candidate: the last with a target that begins at or below a random share of their sum. Before that
-    every target that is not 0 takes a share of the mean."""
+    every target that counts takes a share of the mean."""
     zero = real(0)
     _add_targets(rays, count, real)
     share = real(EVEN / (1.0 - EVEN)) / real(count)
     for k in range(count):
         for lane in range(np.uint64(LANES)):
-            target = rays.targets[k, lane]
-            rays.targets[k, lane] = select(target > zero, target + share * rays.target_sum[lane], zero)
+            target, whole = rays.targets[k, lane], rays.target_sum[lane]
+            rays.targets[k, lane] = select(target > LEAST_TARGET * whole, target + share * whole, target)
     _add_targets(rays, count, real)
     for lane in range(np.uint64(LANES)):
         rays.candidate[lane] = 0
