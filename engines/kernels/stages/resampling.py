@@ -71,6 +71,7 @@ def store_targets(rays, scene, candidate, real):
 
 @inline
 def _add_targets(rays, count, real):
+    """Adds up the targets of each lane's candidates."""
     for lane in range(np.uint64(LANES)):
         rays.target_sum[lane] = real(0)
     for k in range(count):
