@@ -45,8 +45,6 @@ def shader(importer: Importer, plugin: Plugin) -> dict[str, Any]:
     in_media = volumetric and bool(importer.media)
     if in_media:
         suggested["name"] = "volumetric_path_tracer"
-        if plugin.type == "volpathmis":
-            importer.notes.add("integrator volpathmis: volumetric_path_tracer is the same light by another way", plugin.element)
     if plugin.boolean("hide_emitters", default=False):
         suggested["hide_emitters"] = True
         if plugin.type == "direct":
