@@ -95,13 +95,14 @@ class Context:
         return ~self.tracer.occluded(*ray, self.check, surface.primitive_id)
 
     def transmittance(self, surface: Vertex, direction: Array, distance: Array, medium: Indices) -> Array:
-        """(3, n) the share of light that null lobes and media let pass on the same way, which starts in `medium` (n,): 0 where
-        anything else lies on it."""
+        """(3, n) the share of light that null lobes and media let pass on the same way: 0 where anything else lies on it.
+        Paths arrive at the vertices in `medium` (n,)."""
         share, lanes = np.ones(direction.shape), np.arange(direction.shape[1])
         with np.errstate(invalid="ignore"):
             target = surface.point + distance * direction
         for _ in range(MOST_NULL_LOBES):
             self.rays += lanes.size
+            medium = self.media.beyond(surface, direction, medium)
             origin, aim, t_max = self._shadow_ray(surface, direction, distance)
             hits = self.tracer.closest(origin, aim, t_max, self.check, surface.primitive_id)
             met = np.flatnonzero(hits.primitive_id >= 0)
@@ -113,10 +114,9 @@ class Context:
             passed = self.materials.transmittance(surface)
             share[:, lanes[met]] *= passed
             on = np.flatnonzero((passed > 0.0).any(axis=0))
-            lanes, surface = lanes[met[on]], surface.take(on)
+            lanes, medium, surface = lanes[met[on]], medium[met[on]], surface.take(on)
             if not lanes.size:
                 return share
-            medium = self.media.beyond(surface, aim.take(met[on], axis=1), medium[met[on]])
             # from there to the same place
             endless = np.isinf(distance[met[on]])
             with np.errstate(invalid="ignore"):

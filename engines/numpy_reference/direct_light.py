@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from engines.numpy_reference.context import Context, Vertex
+from engines.numpy_reference.distribution import BELOW_ONE, last_begun
 from engines.numpy_reference.lights.interface import LightSample
 from engines.numpy_reference.vectors import Array, Indices
 
@@ -23,7 +24,6 @@ EVEN = 0.1
 """Share of the picks that do not depend on the targets."""
 LEAST_TARGET = 1e-6
 """Share of the targets below which one gets no even share: a light in the plane of the surface is in front by rounding."""
-_BELOW_ONE = 1.0 - 2.0**-53
 
 
 class SampledLight(NamedTuple):
@@ -57,31 +57,28 @@ def resample_light(context: Context, at: Vertex, u0: Array, u1: Array, u: Array,
     """One of `count` candidates, picked in proportion to their targets by `pick` (n,)."""
     candidates = [
         sample_light(
-            context, at, _shifted(u0, k * STEPS[0]), _shifted(u1, k * STEPS[1]), np.minimum((k + u) / count, _BELOW_ONE)
+            context, at, _shifted(u0, k * STEPS[0]), _shifted(u1, k * STEPS[1]), np.minimum((k + u) / count, BELOW_ONE)
         )
         for k in range(count)
     ]
     targets = np.array([_target(context, at, candidate) for candidate in candidates])
     whole = targets.sum(axis=0)
     targets = np.where(targets > LEAST_TARGET * whole, targets + EVEN / (1.0 - EVEN) / count * whole, targets)
-    ends = np.cumsum(targets, axis=0)
-    begins = np.vstack([np.zeros(u.size), ends[:-1]])
-    eligible = (targets > 0.0) & (begins <= pick * ends[-1])
-    picked = np.where(eligible, np.arange(count)[:, None], 0).max(axis=0)  # the last one
+    picked, _, total = last_begun(targets, pick)
     # that candidate, times the mean of all targets over its own
     vertex, found = np.arange(u.size), SampledLight(LightSample.empty(u.size), np.ones(u.size), np.zeros(u.size))
     for k, candidate in enumerate(candidates):
-        mine = vertex[(picked == k) & (ends[-1] != 0.0)]
+        mine = vertex[(picked == k) & (total != 0.0)]
         light, inverse_pmf, scale = candidate.take(mine)
         found.light.put(mine, light)
-        found.inverse_pmf[mine], found.scale[mine] = inverse_pmf, scale * (ends[-1, mine] / count / targets[k, mine])
+        found.inverse_pmf[mine], found.scale[mine] = inverse_pmf, scale * (total[mine] / count / targets[k, mine])
     return found
 
 
 def _shifted(u: Array, steps: int) -> Array:
     """frac(u + steps 2^-24) of numbers in [0, 1)."""
     shift = steps % 2**24 * 2.0**-24
-    return np.minimum(np.where(u >= 1.0 - shift, u - (1.0 - shift), u + shift), _BELOW_ONE)
+    return np.minimum(np.where(u >= 1.0 - shift, u - (1.0 - shift), u + shift), BELOW_ONE)
 
 
 def _target(context: Context, at: Vertex, candidate: SampledLight) -> Array:

@@ -6,6 +6,9 @@ import numpy as np
 
 from engines.numpy_reference.vectors import Array, Indices
 
+BELOW_ONE = 1.0 - 2.0**-53
+"""The largest number below 1."""
+
 
 def shares(weight: Array) -> Array:
     """Cumulative sums over the last axis as shares of their total; 1 where the total is 0."""
@@ -31,3 +34,13 @@ def rest(table: Array, start: Indices, index: Indices, u: Array) -> Array:
     begin = np.where(index > 0, table[start + index - 1], 0.0)
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(end > begin, (u - begin) / (end - begin), 0.0)
+
+
+def last_begun(weight: Array, u: Array) -> tuple[Indices, Array, Array]:
+    """(n,) the last of k choices that has a `weight` (k, n) above 0 and begins at or before `u` times the sum of all; the first
+    one, where none has. Where it begins (n,), and the sum (n,)."""
+    ends = np.cumsum(weight, axis=0)
+    begins = np.vstack([np.zeros(u.size), ends[:-1]])
+    eligible = (weight > 0.0) & (begins <= u * ends[-1])
+    index = np.where(eligible, np.arange(len(weight))[:, None], 0).max(axis=0)
+    return index, np.take_along_axis(begins, index[None], axis=0)[0], ends[-1]

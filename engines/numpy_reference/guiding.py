@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 
 from engines.choices import Choice
 from engines.numpy_reference.bsdf import BSDFSample, Lobes
+from engines.numpy_reference.distribution import BELOW_ONE
 from engines.numpy_reference.interaction import SurfaceInteraction
 from engines.numpy_reference.materials import Materials
 from engines.numpy_reference.vectors import Array, Indices, Mask, dot
 from engines.scene import Scene
 from engines.sd_tree import COUNT, HALF_WORD, HIGH, LOW, MOST, MOST_RECORDS, UNIT, SDTree, Training
-
-BELOW_ONE = 1.0 - 2.0**-53
 
 
 class Records(NamedTuple):

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from engines.numpy_reference.distribution import BELOW_ONE, last_begun
 from engines.numpy_reference.geometry import Geometry
 from engines.numpy_reference.interaction import SurfaceInteraction
 from engines.numpy_reference.vectors import Array, Indices, Mask, along, dot
@@ -15,7 +16,6 @@ from engines.scene import HomogeneousMedium, Shape
 
 VACUUM = -1
 """Where there is no medium: the last column of every table."""
-BELOW_ONE = 1.0 - 2.0**-53
 
 
 class MediumInteraction(NamedTuple):
@@ -72,10 +72,9 @@ class Media:
         self.sigma_t = np.array([medium.sigma_t for medium in columns]).T
         self.albedo = np.array([medium.albedo for medium in columns]).T
         self.g = np.array([medium.g for medium in columns])
-        sides = [(shape.interior, shape.exterior) for shape in shapes] if media else []
-        self._boundary = np.array([*(any(side is not None for side in pair) for pair in sides), False])
-        numbered = [[VACUUM if side is None else side for side in pair] for pair in sides]
-        self._interior, self._exterior = np.array([*numbered, [VACUUM, VACUUM]], np.int64).T
+        sides = [*((shape.interior, shape.exterior) for shape in shapes), (None, None)]  # the last row is that of no shape
+        self._interior, self._exterior = np.array([[VACUUM if side is None else side for side in pair] for pair in sides]).T
+        self._boundary = (self._interior != VACUUM) | (self._exterior != VACUUM)
         self._shape = np.append(geometry.shape, -1)
 
     def beyond(self, at: SurfaceInteraction | MediumInteraction, wi: Array, medium: Indices) -> Indices:
@@ -137,12 +136,9 @@ class Media:
 
 def _channel(throughput: Array, u: Array) -> tuple[Indices, Array]:
     """(n,) channels, in proportion to `throughput` (3, n), and the rests of the numbers in [0, 1) that have chosen them."""
-    ends = np.cumsum(throughput, axis=0)
-    begins, place = np.vstack([np.zeros(u.size), ends[:-1]]), u * ends[-1]
-    eligible = (throughput > 0.0) & (begins <= place)
-    channel = np.where(eligible, np.arange(3)[:, None], 0).max(axis=0)  # the last one
-    begin, size = (np.take_along_axis(values, channel[None], axis=0)[0] for values in (begins, throughput))
-    return channel, np.minimum((place - begin) / size, BELOW_ONE)
+    channel, begin, total = last_begun(throughput, u)
+    size = np.take_along_axis(throughput, channel[None], axis=0)[0]
+    return channel, np.minimum((u * total - begin) / size, BELOW_ONE)
 
 
 def _henyey_greenstein(g: Array, cosine: Array) -> Array:

@@ -133,8 +133,8 @@ def surface_vertices(
     total[:, paths.lane] += np.where(absent, 0.0, _emission(context, paths, at, hits.t))
     goes_on = paths.depth < context.options["max_depth"]
     if not (goes_on | absent | context.crosses_freely).any():
-        nothing = np.flatnonzero(goes_on)
-        return paths.take(nothing), paths.take(nothing), goes_on[nothing]
+        none = paths.take(np.flatnonzero(goes_on))
+        return none, none, np.zeros(0, bool)
     base = base_of(event)
     at, uc = context.materials.walk(at, context.draw(paths.pixel, sample, base + LOBE))
     lit = np.flatnonzero(goes_on & ~absent & context.materials.has(at, Lobes.NON_SPECULAR))
@@ -246,7 +246,7 @@ def direct_light(context: Context, paths: Paths, at: Vertex, scattering: Scatter
     lit = np.flatnonzero(reaches & (added != 0.0).any(axis=0))  # NaN is not 0: it is traced, and counted as a bad sample
     way = at.take(lit), light.wi.take(lit, axis=1), light.distance[lit]
     if context.crosses_freely or context.media.any:
-        visible = context.transmittance(*way, context.media.beyond(way[0], way[1], paths.medium[lanes[lit]]))
+        visible = context.transmittance(*way, paths.medium[lanes[lit]])
     else:
         visible = context.unoccluded(*way)
     found[:, lanes[lit]] = np.where(visible, visible * added.take(lit, axis=1), 0.0)

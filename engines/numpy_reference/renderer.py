@@ -207,7 +207,7 @@ class Renderer:
         span = clipped(camera, origin, direction)
         if span is not None:
             origin = span[0]
-        medium = getattr(camera, "medium", None) if self._context.media.any else None
+        medium = getattr(camera, "medium", None)
         self._context.camera_medium = VACUUM if medium is None else medium
         self._context.camera_rays = None if span is None else (origin, direction, span[1])
         return origin, direction

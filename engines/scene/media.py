@@ -14,6 +14,9 @@ from engines.schema.yaml_file import Located
 
 __all__ = ["HomogeneousMedium"]
 
+SIDES = ("interior", "exterior")
+"""The sides of a shape that may have a medium: fields of `MediumInterface`, and their names in every format."""
+
 
 @dataclass(frozen=True, slots=True)
 class HomogeneousMedium:

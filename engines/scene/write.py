@@ -21,7 +21,7 @@ from engines.scene.formats.ply import write_ply
 from engines.scene.leaf_fields import LEAF_PLUGINS
 from engines.scene.lights import DirectionalLight, EnvironmentLight, Light, PointLight, ProjectorLight, SpotLight
 from engines.scene.materials import Material
-from engines.scene.media import HomogeneousMedium
+from engines.scene.media import SIDES, HomogeneousMedium
 from engines.scene.mesh import Mesh, SphereSet
 from engines.scene.models import Mixture
 from engines.scene.scene import FORMAT, Scene
@@ -240,8 +240,7 @@ _CAMERAS = {
     PerspectiveArctan: "perspective_arctan",
     Orthographic: "orthographic",
 }
-_SIDES = ("interior", "exterior")
-_NAMED = ("material", *_SIDES)
+_NAMED = ("material", *SIDES)
 """Fields of shapes that are places in lists of the scene."""
 _WRAPPERS = {Mask: "mask", Blend: "blend", Bump: "bump", NormalMap: "normal_map"}
 
@@ -253,7 +252,7 @@ def _medium(medium: HomogeneousMedium) -> Keys:
 
 def _sides(shape: Shape, media: list[str]) -> Keys:
     """The names of the media on its sides."""
-    return {side: media[index] for side in _SIDES if (index := getattr(shape, side)) is not None}
+    return {side: media[index] for side in SIDES if (index := getattr(shape, side)) is not None}
 
 
 def _camera(camera: Camera, media: list[str]) -> Keys:

@@ -9,7 +9,7 @@ from tests.mitsuba.peer import mi
 from tests.needs import needs
 from tests.scene.mitsuba_files import LAMP, scene, written
 
-pytestmark = needs("mitsuba-scalar")
+pytestmark = [needs("mitsuba-scalar"), pytest.mark.usefixtures("scalar_rgb")]
 
 FILM = '<film type="hdrfilm"><integer name="width" value="30"/><integer name="height" value="20"/></film>'
 PLACE = '<transform name="{}"><lookat origin="1,2,3" target="0,0.5,0" up="0.1,1,0"/></transform>'
@@ -25,15 +25,6 @@ SENSORS = {
     "orthographic": "",
 }
 MIRRORED = '<transform name="to_world"><scale x="-1"/><lookat origin="1,2,3" target="0,0.5,0" up="0.1,1,0"/></transform>'
-
-
-@pytest.fixture(autouse=True)
-def variant():
-    before = mi.variant()
-    mi.set_variant("scalar_rgb")
-    yield
-    if before is not None:
-        mi.set_variant(before)
 
 
 CROP = {"crop_offset_x": 18, "crop_offset_y": 3, "crop_width": 7, "crop_height": 11}

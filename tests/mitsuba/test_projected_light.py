@@ -14,7 +14,7 @@ from tests.needs import marks_of, needs
 from tests.numpy_reference.small_scenes import path_tracer, renderer, scene
 from tests.scene.mitsuba_files import SENSOR, written
 
-pytestmark = needs("mitsuba-scalar")
+pytestmark = [needs("mitsuba-scalar"), pytest.mark.usefixtures("scalar_rgb")]
 
 TEXELS = np.random.default_rng(5).uniform(0.0, 3.0, (3, 5, 3)).astype(np.float32)
 FLOOR = Plane((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0)
@@ -56,15 +56,6 @@ EMITTERS = {
     "projector, colour": PLACE + FOV + '<rgb name="irradiance" value="1,2,3"/>',
     "projector, nothing": PLACE,
 }
-
-
-@pytest.fixture(autouse=True)
-def variant():
-    before = mi.variant()
-    mi.set_variant("scalar_rgb")
-    yield
-    if before is not None:
-        mi.set_variant(before)
 
 
 def assert_equal(light, file, n=400):

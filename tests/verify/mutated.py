@@ -184,15 +184,15 @@ FAULTS = [
     Fault(
         "resampled light without the mean of the targets",
         "direct_light.py",
-        "(ends[-1, mine] / count / targets[k, mine])",
+        "(total[mine] / count / targets[k, mine])",
         "(1.0 + 0.0 * targets[k, mine])",
         "resample",
     ),
     Fault(
         "resampled light with the sum of the targets for their mean",
         "direct_light.py",
-        "ends[-1, mine] / count",
-        "ends[-1, mine]",
+        "total[mine] / count",
+        "total[mine]",
         "resample",
     ),
     Fault("candidates in too few strata", "direct_light.py", "(k + u) / count", "(k + u) / (count + 1)", "resample"),

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from engines.numpy_reference.distribution import BELOW_ONE
 from engines.numpy_reference.light_samplers.plain import ChosenLight
 from engines.numpy_reference.vectors import Array, Indices, cross, dot, norm
 from engines.scene.light_hierarchy import WIDTH, LightHierarchy
-
-_BELOW_ONE = 1.0 - 2.0**-53
 
 
 class HierarchicalLightSampler:
@@ -39,7 +38,7 @@ class HierarchicalLightSampler:
             with np.errstate(divide="ignore", invalid="ignore"):
                 left = (uc[inside] * sums[-1] - sums[slot, lane] + share) / share
                 probability[inside] *= share / sums[-1]
-            uc[inside] = np.clip(left, 0.0, _BELOW_ONE)
+            uc[inside] = np.clip(left, 0.0, BELOW_ONE)
             child = np.where(share > 0.0, self._tree.child[node, slot], 0)
             light[inside] = np.where(child < 0, -1 - child, -1)
             inside, node = inside[child > 0], child[child > 0]

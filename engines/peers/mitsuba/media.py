@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from engines.peers.mitsuba.nodes import Node, rgb
 from engines.scene import HomogeneousMedium, Scene, Shape
-
-SIDES = ("interior", "exterior")
+from engines.scene.media import SIDES
 
 
 def medium_node(medium: HomogeneousMedium) -> Node:

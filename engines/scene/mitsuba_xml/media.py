@@ -7,14 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene.media import HomogeneousMedium
+from engines.scene.media import SIDES, HomogeneousMedium
 from engines.scene.mitsuba_xml.colors import INDEX, REFLECTANCE, color
 from engines.scene.mitsuba_xml.context import Importer
 from engines.scene.mitsuba_xml.properties import Plugin, element_of, name_of
 from engines.scene.mitsuba_xml.transforms import LARGEST_NUMBER
 from engines.scene.triple import Triple, product, triple
 
-SIDES = ("interior", "exterior")
 DEFAULT_SIGMA_T, DEFAULT_ALBEDO, DEFAULT_G = 1.0, 0.75, 0.8
 
 
@@ -35,7 +34,8 @@ def sides_of(importer: Importer, plugin: Plugin, exchanged: bool | NDArray[np.bo
         return found
     if not np.all(exchanged):
         raise plugin.refuse("the faces of a mesh with media must all wind the same way around their normals")
-    return {SIDES[1 - SIDES.index(side)]: index for side, index in found.items()}
+    opposite: dict[str, str] = dict(zip(SIDES, reversed(SIDES), strict=True))
+    return {opposite[side]: index for side, index in found.items()}
 
 
 def medium_around(importer: Importer, plugin: Plugin) -> dict[str, int]:

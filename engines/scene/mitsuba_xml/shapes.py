@@ -113,10 +113,7 @@ def _mesh(importer: Importer, plugin: Plugin, look: Look, triangles: Triangles, 
         normals = transformed_normals(matrix, normals) * (-1.0 if turn else 1.0)
         vertices, faces, normals, uvs, _, _ = with_face_normals(vertices, faces, normals, uvs)
         swapped = against(vertices, faces, normals)
-    exchanged = np.zeros_like(swapped)
-    if plugin.type in MESHES:
-        copied = importer.outer is not None and mirrored(importer.outer)
-        exchanged = swapped != (turn != copied)
+    exchanged = np.full(len(faces), plugin.type in MESHES and mirrored(plugin.transform()))
     return finished(importer, plugin, look, vertices, _swapped(faces, swapped), normals, uvs, exchanged)
 
 
