@@ -115,7 +115,8 @@ class Media:
             density = np.where(present, np.where(flight < distance, sigma_t, 1.0) * passed, 0.0)
             share = throughput / throughput.sum(axis=0)
             weight = density / (share * density).sum(axis=0)
-        return flight, np.where(grey, 1.0, weight)
+        # of no throughput the weight says nothing
+        return flight, np.where(grey | ~present.any(axis=0), 1.0, weight)
 
     def evaluate(self, at: MediumInteraction, wi: Array) -> Array:
         """(3, n) the phase function, 1/sr."""
@@ -142,7 +143,7 @@ def _channel(throughput: Array, u: Array) -> tuple[Indices, Array]:
     eligible = (throughput > 0.0) & (begins <= place)
     channel = np.where(eligible, np.arange(3)[:, None], 0).max(axis=0)  # the last one
     begin, size = (np.take_along_axis(values, channel[None], axis=0)[0] for values in (begins, throughput))
-    return channel, np.minimum((place - begin) / size, BELOW_ONE)
+    return channel, np.minimum((place - begin) / np.where(size > 0.0, size, 1.0), BELOW_ONE)
 
 
 def _henyey_greenstein(g: Array, cosine: Array) -> Array:

@@ -33,21 +33,22 @@ def _is_grey(sigma_t):
 
 
 @inline
+def _choose(takes, begin, size, sigma, begin0, size0, sigma0):
+    return select(takes, begin, begin0), select(takes, size, size0), select(takes, sigma, sigma0)
+
+
+@inline
 def flight(sigma_t, throughput, u, least):
     """Metres to where the medium scatters a ray, by a number in [0, 1): of the channel that it chooses, in proportion to
     `throughput`. `least` is the smallest difference of such a number to 1."""
     place = u * total(throughput)
     begin, size, sigma = const(0.0, u), throughput.x, sigma_t.x
     second = (throughput.y > 0.0) & (throughput.x <= place)
-    begin, size, sigma = (
-        select(second, throughput.x, begin),
-        select(second, throughput.y, size),
-        select(second, sigma_t.y, sigma),
-    )
+    begin, size, sigma = _choose(second, throughput.x, throughput.y, sigma_t.y, begin, size, sigma)
     below = throughput.x + throughput.y
     third = (throughput.z > 0.0) & (below <= place)
-    begin, size, sigma = select(third, below, begin), select(third, throughput.z, size), select(third, sigma_t.z, sigma)
-    left = 1.0 - select(_is_grey(sigma_t), u, (place - begin) / size)
+    begin, size, sigma = _choose(third, below, throughput.z, sigma_t.z, begin, size, sigma)
+    left = 1.0 - select(_is_grey(sigma_t), u, (place - begin) / select(size > 0.0, size, 1.0))
     left = select(left > least, left, least)
     return select(sigma > 0.0, -log(left) / sigma, math.inf)
 

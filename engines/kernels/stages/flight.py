@@ -23,11 +23,12 @@ from engines.kernels.rows import MediumRow
 from engines.kernels.stages.hit_loads import lane_number, make_load_rows
 
 _on_surfaces = lanes_where("==", SURFACE)
-_OF_MEDIUM = lane_number("flight.sigma_t")
+_SIGMA_T = tuple(lane_number("flight.sigma_t") + k for k in range(3))
+_ALBEDO = tuple(lane_number("flight.albedo") + k for k in range(3))
 _load_media = make_load_rows(
-    "flight.medium", MediumRow, tuple(range(MediumRow.size)), tuple(_OF_MEDIUM + k for k in range(MediumRow.size))
+    "flight.medium", MediumRow, tuple(range(MediumRow.size)), (*_SIGMA_T, *_ALBEDO, lane_number("flight.g"))
 )
-_load_extinctions = make_load_rows("attenuation.medium", MediumRow, (0, 1, 2), tuple(_OF_MEDIUM + k for k in range(3)))
+_load_extinctions = make_load_rows("attenuation.medium", MediumRow, (0, 1, 2), _SIGMA_T)
 
 
 @inline
