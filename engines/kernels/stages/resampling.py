@@ -61,12 +61,12 @@ def store_targets(rays, scene, candidate, media, real):
     for lane in range(np.uint64(LANES)):
         wi, li, pdf = rays.light_sample.wi[lane], rays.light_sample.radiance[lane], rays.light_sample.pdf[lane]
         luminance = 0.212671 * li.x + 0.715160 * li.y + 0.072169 * li.z
-        cosine, faces = abs(dot(rays.hit.normal[lane], wi)), dot(rays.hit.geometric_normal[lane], wi) > zero
+        cosine, anywhere = abs(dot(rays.hit.normal[lane], wi)), through
         if media:
             in_medium = rays.hit.kind[lane] == MEDIUM
-            cosine, faces = select(in_medium, real(1), cosine), in_medium | faces
+            cosine, anywhere = select(in_medium, real(1), cosine), through | in_medium
         weight = select(mis, power_heuristic(pdf, cosine * (1.0 / math.pi)), 1.0)
-        reaches = (pdf > zero) & (through | faces)
+        reaches = (pdf > zero) & (anywhere | (dot(rays.hit.geometric_normal[lane], wi) > zero))
         reaches = reaches & ((not delta_only) | is_delta(pdf))
         rays.targets[candidate, lane] = select(reaches, luminance * cosine * weight, zero)
 
