@@ -84,8 +84,8 @@ SURFACE, MISS, MEDIUM = range(3)
 
 
 class Hit(NamedTuple):
-    """What a ray has met. Where that is nothing, `emission` is the environment's, and `t` of the ray is infinite. Where a medium
-    scatters the ray, both normals are 0, and nothing is emitted.
+    """What a ray has met. Where that is nothing, `emission` is the environment's, and `t` of the ray is infinite. Where a
+    medium scatters the ray, both normals are 0, and nothing is emitted.
 
     Until the surface stage stores it, `point` and `geometric_normal` are those of the last vertex, where the ray starts."""
 

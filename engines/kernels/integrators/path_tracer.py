@@ -16,8 +16,8 @@ RR_DEPTH, DIRECT_OPTION, LIGHT_CANDIDATES = 1, 2, 3
 
 @inline
 def _path_step(si, light, bsdf, draws, path, options, crosses, in_medium):
-    """One vertex, of a surface or `in_medium`. Where the sample `crosses` the surface, that is no vertex: depth and pdf stay, and
-    there is no roulette."""
+    """One vertex, on a surface or `in_medium`. Where the sample `crosses` the surface, that is no vertex: depth and pdf stay,
+    and there is no roulette."""
     max_depth, rr_depth, direct = options[MAX_DEPTH], options[RR_DEPTH], options[DIRECT_OPTION]
     use_light, use_bsdf = direct == LIGHT_ONLY, direct == BSDF_ONLY
 

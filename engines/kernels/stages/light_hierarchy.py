@@ -30,8 +30,8 @@ def _sine(cosine, zero, one):
 
 @inline
 def _shares(scene, node, p, normal, media, real):
-    """How much each child of a node may send to the point p, on the surface with this geometric normal; with `media` perhaps in one
-    of them, where the normal is 0."""
+    """How much each child of a node may send to the point p, on the surface with this geometric normal. Where there are
+    `media`, it may lie in one of them: then the normal is 0."""
     rows, first = scene.light_nodes, node * NODE_NUMBERS
     zero, one = splat(real(0)), splat(real(1))
     x, y, z = p.x - load8(rows, first), p.y - load8(rows, first + 8), p.z - load8(rows, first + 16)
