@@ -81,14 +81,6 @@ def test_a_plugin_without_the_half_of_an_engine_is_declined(name, wanted, part, 
     assert _reason(engines.engine(name), _scene(part(_plugin(**half)))) == wanted.format(what)
 
 
-@pytest.mark.parametrize("name", ["numba", "embree"])
-def test_the_kernels_decline_media_and_their_shader(name):
-    said = f"medium 'fog': the engine {name} does not support the medium HomogeneousMedium"
-    assert _reason(engines.engine(name), _scene(PARTS["medium"])) == said
-    settings = Settings(4, 4, shader="volumetric_path_tracer")
-    assert engines.engine(name).why_not(_scene({}), settings) == f"the engine {name} has no shader volumetric_path_tracer"
-
-
 def test_pbrt_has_no_media(tmp_path):
     with pytest.raises(Unsupported, match="medium 'fog': pbrt does not support the medium HomogeneousMedium"):
         export(_scene(PARTS["medium"]), "pbrt", tmp_path)

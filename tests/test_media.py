@@ -26,7 +26,7 @@ from engines.scene import (
     ThinDielectric,
 )
 
-ENGINES = [("numpy", None)]
+ENGINES = [("numpy", None), ("numba", "float64"), ("numba", "float32"), ("embree", "float32")]
 """Those that render media, and their precisions."""
 CLEAR = Material("clear", bsdf=Null())
 SKY = EnvironmentLight((1.0,) * 3)
@@ -36,7 +36,7 @@ LARGEST_Z = 4.0
 """Standard errors by which means may differ: seeds are fixed, so that tests pass or fail for ever."""
 
 
-@pytest.fixture(params=ENGINES, ids=lambda engine: engine[0])
+@pytest.fixture(params=ENGINES, ids=lambda engine: "-".join(filter(None, engine)))
 def engine(request):
     return request.param
 

@@ -30,8 +30,8 @@ from engines.kernels.lane.vector import BLACK, WHITE
 from engines.kernels.layout import (
     CAMERA_DIMENSIONS,
     LANES,
+    MISS,
     MOST_NULL_LOBES,
-    SURFACE,
     VERTEX_DIMENSIONS,
     copy_paths,
     ray_batch,
@@ -225,13 +225,13 @@ def _some_scatter(rays, last_depth):
     """Whether some lane needs random numbers, a light sample and its BSDF."""
     lanes = np.int32(0)
     for lane in range(np.uint64(LANES)):
-        scatters = rays.alive[lane] & (rays.hit.kind[lane] == SURFACE) & (np.int32(rays.path.depth[lane]) < last_depth)
+        scatters = rays.alive[lane] & (rays.hit.kind[lane] != MISS) & (np.int32(rays.path.depth[lane]) < last_depth)
         lanes |= np.int32(1 if scatters else 0)
     return lanes != 0
 
 
 @inline
-def _cross_null_lobes(rays, stages, shadows, scene, real):
+def _cross_null_lobes(rays, stages, shadows, scene, media, real):
     """Multiplies the light samples by what null lobes let pass on their way; returns the rays that were traced."""
     walk, traced = ray_batch(shadows, real), 0
     for lane in range(np.uint64(LANES)):
@@ -242,6 +242,9 @@ def _cross_null_lobes(rays, stages, shadows, scene, real):
         walk.shadow.destination[lane] = rays.shadow.destination[lane]
         walk.origin_primitive[lane] = rays.origin_primitive[lane]
         walk.shadow.transmittance[lane] = WHITE
+    if media:
+        for lane in range(np.uint64(LANES)):
+            walk.attenuation[lane] = rays.attenuation[lane]
     for _ in range(MOST_NULL_LOBES):
         lanes = positive_lanes(walk.t)
         if lanes == 0:
@@ -258,13 +261,15 @@ def _cross_null_lobes(rays, stages, shadows, scene, real):
 
 
 @inline
-def _trace_shadow_rays(rays, stages, batch, shadows, scene, null_lobes, real):
+def _trace_shadow_rays(rays, stages, batch, shadows, scene, plan, real):
     """Adds the light samples that nothing hides; returns the rays that were traced."""
     traced, lanes = 0, positive_lanes(rays.shadow.t_max)
-    if lanes != 0 and null_lobes:
-        traced = _cross_null_lobes(rays, stages, shadows, scene, real)
+    if lanes != 0 and plan.null_lobes:
+        traced = _cross_null_lobes(rays, stages, shadows, scene, plan.media, real)
     elif lanes != 0:
         traced = bits_set(lanes)
+        if stages.attenuation != 0:
+            call_stage(stages.attenuation, batch, scene)
         call_stage(stages.occluded, batch, scene)
     # where no ray is sent, light of sources that touch the surface may be left
     _add_direct_light(rays, lanes != 0)
@@ -275,8 +280,13 @@ def _trace_shadow_rays(rays, stages, batch, shadows, scene, null_lobes, real):
 def _advance(rays, stages, batch, shadows, scene, plan, records, real):
     """One segment of every path; returns the rays that were traced."""
     traced = bits_set(positive_lanes(rays.t))
+    if plan.media:
+        call_stage(stages.draw_flight, batch, scene)
+        call_stage(stages.flight, batch, scene)
     call_stage(stages.closest, batch, scene)
     call_stage(stages.surface, batch, scene)
+    if plan.media:
+        call_stage(stages.arrival, batch, scene)
     scatters = plan.last_depth == 0 or _some_scatter(rays, np.int32(plan.last_depth))
     for k in range(plan.per_vertex):
         for lane in range(np.uint64(LANES)):
@@ -289,7 +299,7 @@ def _advance(rays, stages, batch, shadows, scene, plan, records, real):
                 call_stage(stage, batch, scene)
         call_stage(stages.shade, batch, scene)
         if plan.lit:
-            traced += _trace_shadow_rays(rays, stages, batch, shadows, scene, plan.null_lobes, real)
+            traced += _trace_shadow_rays(rays, stages, batch, shadows, scene, plan, real)
     if plan.guided and scatters:
         keep_records(rays, _from_zero(rays.recorded.vertex), records)
     return traced

@@ -74,6 +74,8 @@ class SceneFeatures(NamedTuple):
     """Null lobes are crossed freely, by paths and shadow rays: the integrator's `transparent_shadows`."""
     hidden_emitters: bool = False
     """The camera does not see what emits: the integrator's `hide_emitters`."""
+    media: bool = False
+    """There are media, which the integrator shows."""
     guided: bool = False
     """Directions are sampled by an SD-tree as well: the integrator's `guiding`."""
 

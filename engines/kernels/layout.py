@@ -53,6 +53,7 @@ from engines.kernels.rows import (
     LookupRow,
     MarginRow,
     MaterialRow,
+    MediumRow,
     NodeRow,
     PlaneRow,
     PrimitiveRow,
@@ -79,17 +80,18 @@ CAMERA_DIMENSIONS = 2
 """Dimensions before the first vertex: the place in the pixel."""
 RUN = 16
 """Texels of an environment's row whose densities are summed in the tables by which one is chosen: a cache line of float32."""
-SURFACE, MISS = range(2)
-"""What a ray has met."""
+SURFACE, MISS, MEDIUM = range(3)
+"""What a ray has met: a medium scatters it where it is `MEDIUM`."""
 
 
 class Hit(NamedTuple):
-    """What a ray has met. Where that is nothing, `emission` is the environment's, and `t` of the ray is infinite.
+    """What a ray has met. Where that is nothing, `emission` is the environment's, and `t` of the ray is infinite. Where a
+    medium scatters the ray, both normals are 0, and nothing is emitted.
 
     Until the surface stage stores it, `point` and `geometric_normal` are those of the last vertex, where the ray starts."""
 
     kind: int
-    """SURFACE or MISS."""
+    """SURFACE, MISS or MEDIUM."""
     front: bool
     """Met from the side of the shape's own normal."""
     shape: int
@@ -103,7 +105,7 @@ class Hit(NamedTuple):
     tangent: Vec3
     """Derivative of the point by the shape's first coordinate, where some material is anisotropic."""
     offset: float
-    """How far from the surface new rays start."""
+    """How far from the surface new rays start; in a medium, by how much shadow rays end early."""
     emission: Vec3
     """Towards the viewer."""
     light_pdf: float
@@ -173,6 +175,33 @@ class Crossing(NamedTuple):
     """The last vertex."""
     normal: Vec3
     """Its geometric normal."""
+
+
+class Flight(NamedTuple):
+    """The way of a ray through its medium, a row of `SceneTable.media`."""
+
+    medium: int
+    lead: float
+    """From the surface that the ray has left to its origin, along the ray."""
+    distance: float
+    """From that surface to where the medium scatters the ray, unless a surface lies before; infinite for never."""
+    sigma_t: Vec3
+    albedo: Vec3
+    g: float
+    near: int
+    """The medium of rays that leave the vertex on the viewer's side."""
+    far: int
+    """The same on the other side."""
+
+
+class Attenuation(NamedTuple):
+    """The way of a shadow ray through its medium."""
+
+    medium: int
+    lead: float
+    """As that of `Flight`."""
+    distance: float
+    """To the light, from the surface that the ray has left; 0 without a ray."""
 
 
 class Guide(NamedTuple):
@@ -301,6 +330,8 @@ class RayBatch(LaneRecord):
     crossing = record(Crossing)  # where null lobes are crossed freely, or emitters hide from the camera
     guide = record(Guide)  # where paths are guided
     recorded = record(Recorded)
+    flight = record(Flight)  # in scenes with media, as is the next
+    attenuation = record(Attenuation)
 
     # where the light sample is one of several candidates (`stages.resampling`)
     drawn = reals(3)  # the vertex's random numbers, from which each candidate's follow
@@ -423,6 +454,11 @@ class SceneTable(Table):
     seed_key = scalar()
     wanted_draws = scalar()
     margins = rows(MarginRow)
+
+    # where there are media
+    media = rows(MediumRow)  # the last one is vacuum
+    medium_sides = array(np.int32)  # two a primitive: the media inside and outside, -1 of a surface that is no boundary
+    camera_medium = scalar()
 
 
 ACCELERATOR = SceneTable.slots

@@ -12,7 +12,7 @@ from engines.choices import Choice
 from engines.kernels.compile.second_process import Job
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten import FlatScene
-from engines.kernels.stages import camera, guiding, light, material, sampler, scattering, shade, surface, transmit
+from engines.kernels.stages import camera, flight, guiding, light, material, sampler, scattering, shade, surface, transmit
 from engines.scene import Camera, ThinLens
 
 SAMPLING = ("sampling",)
@@ -23,14 +23,19 @@ class Stages(NamedTuple):
 
     draw_pixel: int = 0
     camera: int = 0
+    draw_flight: int = 0
+    """In scenes with media, as `flight`, `arrival` and, where shadow rays do not cross null lobes, `attenuation`."""
+    flight: int = 0
     closest: int = 0
     surface: int = 0
+    arrival: int = 0
     draw_vertex: int = 0
     material: int = 0
     """Where some material has wrappers or textures. It takes draws of the vertex."""
     sampling: NDArray[np.int64] = np.zeros(0, np.int64)
     """The light sample; the BSDFs, where they have stages of their own; around them, the two stages of guided paths."""
     shade: int = 0
+    attenuation: int = 0
     occluded: int = 0
     dark_surface: int = 0
     """Where shadow rays cross null lobes, as `transmit`."""
@@ -46,6 +51,8 @@ class Plan(NamedTuple):
     """There are lights to sample."""
     null_lobes: bool = False
     """Shadow rays cross null lobes."""
+    media: bool = False
+    """There are media."""
     guided: bool = False
     """Directions are sampled by an SD-tree as well, and recorded for it."""
     per_vertex: int = 1
@@ -113,6 +120,9 @@ def table(config: StageConfig) -> Iterator[Group]:
     yield Group(("camera",), lambda: [camera.stage(config.camera, real)])
     yield Group(("closest", "occluded"), lambda: config.accelerator.stages(features, real), 7)
     yield Group(("surface",), lambda: [surface.stage(features, real)], 8)
+    if features.media:
+        yield Group(("draw_flight", "flight"), lambda: [sampler.flight_stage(config.sampler, real), flight.flight_stage(real)])
+        yield Group(("arrival",), lambda: [flight.arrival_stage(features.hidden_emitters, real)])
     if features.programs and any(uses):
         yield Group(("material",), lambda: [material.stage(features, real)], 4)
     if shading.lit:
@@ -123,6 +133,8 @@ def table(config: StageConfig) -> Iterator[Group]:
     if features.guided:
         yield Group(SAMPLING, lambda: [guiding.mix_stage(features.masks, shading.lit, real)], 3)
     yield Group(("shade",), lambda: [shade.stage(integrator, shading, features, real)], 9)
+    if features.media and shading.lit and not config.null_lobes:
+        yield Group(("attenuation",), lambda: [flight.attenuation_stage(real)])
     if config.null_lobes:
         yield Group(
             ("dark_surface", "transmit"), lambda: (surface.dark_stage(features, real), transmit.stage(features, real)), 3
@@ -160,6 +172,7 @@ def plan(config: StageConfig, n_lights: int) -> Plan:
         branches=shading.branches,
         lit=shading.lit,
         null_lobes=config.null_lobes,
+        media=features.media,
         guided=features.guided,
         per_vertex=max(n_lights, 1) if shading.every else 1,
         last_depth=shade.last_depth(config.shader, features),

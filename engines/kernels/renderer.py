@@ -148,6 +148,8 @@ class Renderer:
         width, height = self.film.width, self.film.height
         view = self._scene.camera
         self._flat.bind(SceneTable.camera, camera.parameters(view, width, height, self._flat.center))
+        medium = getattr(view, "medium", None)
+        self._flat.bind(SceneTable.camera_medium, len(self._scene.media) if medium is None else medium)
         if hasattr(self._accelerator, "look"):  # one that knows where camera rays start
             self._accelerator.look(self._flat, camera.has_eye(view))
 

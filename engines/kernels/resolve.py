@@ -20,6 +20,7 @@ from engines.scene import (
     CustomBSDF,
     CustomLight,
     EnvironmentLight,
+    HomogeneousMedium,
     Mesh,
     Plane,
     Scene,
@@ -34,7 +35,7 @@ from engines.scene.support import foreign, option_numbers, plugin_without, refus
 def known() -> frozenset[type]:
     """The types of scenes that are rendered, as the registries have them now."""
     shapes = (Plane, Sphere, SphereSet, Triangle, Mesh, *ANALYTIC)
-    return frozenset({*get_args(Camera), *shapes, *ROWS, *KINDS, *WRAPPERS, *get_args(Texture)})
+    return frozenset({*get_args(Camera), *shapes, *ROWS, *KINDS, *WRAPPERS, *get_args(Texture), HomogeneousMedium})
 
 
 def supported(scene: Scene, settings: Settings, accelerators: Table, precision: str, engine: str) -> Settings:
@@ -56,8 +57,6 @@ def _lacking(scene: Scene, settings: Settings, engine: str) -> str | None:
     """One sentence on what the jitted engines lack for this scene with these resolved settings, or None."""
     if refusal := refusal_of(scene) or foreign(scene, known(), f"the engine {engine}"):
         return refusal
-    if settings.shader.plugin is None and settings.shader.name == "volumetric_path_tracer":
-        return f"the engine {engine} has no shader volumetric_path_tracer"
     for part, function in _plugins(settings).items():
         if function is None:
             return f"the {part} {getattr(settings, part).name!r} has no `jitted` function, which the engine {engine} needs"

@@ -156,6 +156,14 @@ class LeafRow(Row):
     bsdf = reals(BSDF_PARAMETERS)
 
 
+class MediumRow(Row):
+    """A homogeneous medium, in 1/m. The last row is vacuum."""
+
+    sigma_t = vector()
+    albedo = vector()
+    g = real()
+
+
 class CameraRow(Row):
     """`right` and `up` are scaled by half the width and height; for the arctangent map they are unit vectors, and the
     half angles are given. Two pixels' widths are `2 / width`, and the axis of view passes at `middle_x / 2` of the width, from

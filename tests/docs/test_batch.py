@@ -8,7 +8,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 SURFACE, LIGHT = {"hit_loads", "surface"}, {"light", "light_cells", "light_frames", "light_hierarchy", "resampling"}
 RECORDS = {
-    "hit": SURFACE | {"emission", "material"},
+    "hit": SURFACE | {"emission", "material"} | {"flight"},
     "found": SURFACE,
     "face": SURFACE,
     "light_sample": LIGHT | {"emission"},
@@ -18,6 +18,8 @@ RECORDS = {
     "wrapped": {"material"},
     "guide": {"guiding"},
     "recorded": {"guiding"},
+    "flight": {"flight", "shade"},
+    "attenuation": {"driver", "shade", "transmit"},
 }
 """Records, and the modules of the stages that may write them."""
 

@@ -48,9 +48,9 @@ from engines.kernels.integrators import aov, path_tracer, whitted
 from engines.kernels.integrators.interface import Draws, SurfaceInteraction
 from engines.kernels.integrators.interface import Path as RayPath
 from engines.kernels.lane import camera as lane_camera
-from engines.kernels.lane import sampler, tilt
+from engines.kernels.lane import media, sampler, tilt
 from engines.kernels.lane.bsdf.interface import Scattering
-from engines.kernels.lane.lights import Light, LightSample
+from engines.kernels.lane.lights import Light, LightSample, sample_environment_all_around
 from engines.kernels.lane.shapes import plane, sphere, triangle
 from engines.kernels.lane.shapes.triangle import VertexUV
 from engines.kernels.rows import BSDF_PARAMETERS, LIGHT_PARAMETERS, SHAPE_PARAMETERS, CameraRow
@@ -94,6 +94,12 @@ def functions() -> dict[str, tuple[Any, tuple[Any, ...]]]:
     found: dict[str, tuple[Any, tuple[Any, ...]]] = {
         "path_tracer.step": (path_tracer.INTEGRATOR.step, step),
         "path_tracer.crossing_step": (path_tracer.INTEGRATOR.crossing_step, (*step, types.boolean)),
+        "path_tracer.medium_step": (path_tracer.INTEGRATOR.medium_step, (*step, types.boolean, types.boolean)),
+        "media.flight": (media.flight, (vector, vector, REAL, REAL)),
+        "media.flight_weight": (media.flight_weight, (vector, vector, REAL, types.boolean)),
+        "media.transmittance": (media.transmittance, (vector, REAL)),
+        "media.sample_phase": (media.sample_phase, (REAL, vector, REAL, REAL)),
+        "media.environment": (sample_environment_all_around, (of(Light), vector, vector, REAL, REAL)),
         "whitted": (whitted.WHITTED.step, step),
         "no_shadows": (whitted.NO_SHADOWS.step, step),
         "albedo": (aov.ALBEDO.step, step),

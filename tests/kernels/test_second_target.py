@@ -16,6 +16,7 @@ def test_lane_functions_and_integrators_compile_for_a_gpu_and_have_no_float64_of
     found = json.loads(done.stdout)
     assert {name.split(".")[0] for name in found} >= {
         "path_tracer",
+        "media",
         "whitted",
         "camera",
         *(shape.__name__.lower() for shape in ANALYTIC),

@@ -12,6 +12,7 @@ from engines.kernels.compile.records import Field
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten import environment
 from engines.kernels.flatten.lights import MESH, LightList, frame_rows
+from engines.kernels.flatten.media import medium_rows, medium_sides
 from engines.kernels.flatten.programs import Programs
 from engines.kernels.flatten.shapes import Geometry, collapse_degenerate
 from engines.kernels.layout import SLOTS, SceneTable
@@ -69,6 +70,9 @@ def flatten(scene: Scene, real: type, tracing: type) -> FlatScene:
     _bind_surfaces(flat, geometry, lights, programs)
     _bind_programs(flat, geometry, programs)
     _bind_lights(flat, lights, frames)
+    if scene.media:
+        flat.bind(SceneTable.media, medium_rows(scene.media).astype(real))
+        flat.bind(SceneTable.medium_sides, medium_sides(scene.shapes, geometry.first_id, geometry.n, len(scene.media)))
     return flat
 
 
@@ -93,6 +97,7 @@ def _features(
         mesh_lights=MESH in lights.kinds(),
         light_frames=len(frames) > 0,
         turned_environment=environment.is_turned(lights.environment),
+        media=bool(scene.media),
         **programs.features(),
     )
 

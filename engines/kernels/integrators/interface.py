@@ -112,6 +112,8 @@ class Integrator(NamedTuple):
     shadows: bool = True
     crossing_step: Any = None
     """`step` where rays may cross surfaces that are no vertices: a last argument says whether this sample does."""
+    medium_step: Any = None
+    """The same where media scatter light: one more argument says whether this vertex lies in one."""
 
 
 @inline

@@ -15,8 +15,9 @@ RR_DEPTH, DIRECT_OPTION, LIGHT_CANDIDATES = 1, 2, 3
 
 
 @inline
-def _path_step(si, light, bsdf, draws, path, options, crosses):
-    """One vertex. Where the sample `crosses` the surface, that is no vertex: depth and pdf stay, and there is no roulette."""
+def _path_step(si, light, bsdf, draws, path, options, crosses, in_medium):
+    """One vertex, on a surface or `in_medium`. Where the sample `crosses` the surface, that is no vertex: depth and pdf stay,
+    and there is no roulette."""
     max_depth, rr_depth, direct = options[MAX_DEPTH], options[RR_DEPTH], options[DIRECT_OPTION]
     use_light, use_bsdf = direct == LIGHT_ONLY, direct == BSDF_ONLY
 
@@ -34,12 +35,14 @@ def _path_step(si, light, bsdf, draws, path, options, crosses):
     w = select(use_light, 1.0, select(use_bsdf, select(is_delta(light.pdf), 1.0, 0.0), w))
     value = bsdf.value
     side = dot(si.geometric_normal, light.wi)
-    lit = goes_on & (value.scale > 0.0) & (select(bsdf.through, -side, side) > 0.0) & (light.pdf > 0.0)
+    faces = in_medium | (select(bsdf.through, -side, side) > 0.0)
+    lit = goes_on & (value.scale > 0.0) & faces & (light.pdf > 0.0)
     li = path.throughput * value.color * light.radiance * (select(lit, value.scale, 0.0) * w)
 
     # one lobe carries the path on
     side = dot(si.geometric_normal, sample.wi)
-    alive = (goes_on | (crosses & (not si.miss))) & sample.valid & (select(sample.transmitted, -side, side) > 0.0)
+    leaves = in_medium | (select(sample.transmitted, -side, side) > 0.0)
+    alive = (goes_on | (crosses & (not si.miss))) & sample.valid & leaves
     throughput = path.throughput * (sample.weight.color * sample.weight.scale)
 
     # roulette, as if refraction did not scale radiance
@@ -64,7 +67,14 @@ def _path_step(si, light, bsdf, draws, path, options, crosses):
 
 @inline
 def step(si, light, bsdf, draws, path, options):
-    return _path_step(si, light, bsdf, draws, path, options, False)
+    return _path_step(si, light, bsdf, draws, path, options, False, False)
 
 
-INTEGRATOR = Integrator(step, Uses(value=True, sample=True), crossing_step=_path_step, roulette=True)
+@inline
+def _crossing_step(si, light, bsdf, draws, path, options, crosses):
+    return _path_step(si, light, bsdf, draws, path, options, crosses, False)
+
+
+INTEGRATOR = Integrator(
+    step, Uses(value=True, sample=True), crossing_step=_crossing_step, medium_step=_path_step, roulette=True
+)

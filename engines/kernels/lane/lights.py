@@ -20,6 +20,7 @@ from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import const, select
 from engines.kernels.compile.vec3 import Vec3
 from engines.kernels.lane.elementary import arccos
+from engines.kernels.lane.media import SPHERE_PDF, is_at_vertex_of_medium, uniform_direction
 from engines.kernels.lane.sampling import cosine_direction, cosine_pdf
 from engines.kernels.lane.shapes.sphere import cone
 from engines.kernels.lane.target import sqrt
@@ -103,6 +104,15 @@ def sample_constant_environment(light, p, normal, u0, u1):
     pdf = cosine_pdf(normal, wi)
     scale = select(pdf > 0.0, 1.0 / pdf, 0.0)
     return LightSample(wi, math.inf, light.color * scale, pdf)
+
+
+@inline
+def sample_environment_all_around(light, p, normal, u0, u1):
+    """The same where points may lie in media, which have no normal (0): sampled uniformly there."""
+    around = sample_constant_environment(light, p, normal, u0, u1)
+    pdf = const(SPHERE_PDF, u0)
+    uniform = LightSample(uniform_direction(u0, u1), around.distance, light.color * (1.0 / pdf), pdf)
+    return select(is_at_vertex_of_medium(normal), uniform, around)
 
 
 @inline

@@ -17,7 +17,7 @@ from engines.kernels.lane.shapes import plane, sphere
 from engines.kernels.lane.shapes.coordinates import Coordinates
 from engines.kernels.lane.shapes.triangle import VertexUV, interpolated_uv
 from engines.kernels.lane.vector import Vec3, to_float64
-from engines.kernels.layout import LANES, POINT_U0, POINT_U1, SURFACE
+from engines.kernels.layout import LANES, MISS, POINT_U0, POINT_U1, SURFACE
 from engines.kernels.stages.material import analytic_coordinates
 from engines.kernels.stages.textures import OnTriangle, as_light, make_color
 
@@ -97,7 +97,7 @@ def make_light_samples(features: SceneFeatures, real: Any) -> Any:
     def light_samples(rays, scene):
         for lane in range(np.uint64(LANES)):
             li, kind, primitive = rays.light_sample.radiance[lane], rays.light_kind[lane], np.int64(-1)
-            if rays.alive[lane] and rays.hit.kind[lane] == SURFACE and li.x > zero:
+            if rays.alive[lane] and rays.hit.kind[lane] != MISS and li.x > zero:
                 if kind == MESH:
                     primitive = np.int64(rays.light_primitive[lane])
                 elif kind in (SPHERE, DISK, CYLINDER):

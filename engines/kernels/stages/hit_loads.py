@@ -226,6 +226,7 @@ def _make_inverse_pmf(features: SceneFeatures, real: Any) -> Any:
     """The function (rays, lane, scene, light) -> 1 / the probability with which the light that was hit would have been chosen
     at the last vertex, which is still in the batch; 1 where nobody asks: of camera rays, and after a specular event."""
     power, cells, transparent = features.power_lights, features.light_cells, features.transparent
+    media = features.light_hierarchy and features.media
 
     @inline
     def inverse_pmf(rays, lane, scene, light):
@@ -238,7 +239,7 @@ def _make_inverse_pmf(features: SceneFeatures, real: Any) -> Any:
             point, normal = rays.crossing.point[lane], rays.crossing.normal[lane]
         if cells:
             return light_cells.inverse_pmf(scene, light, point, normal)
-        return light_hierarchy.inverse_pmf(scene, light, point, normal, real)
+        return light_hierarchy.inverse_pmf(scene, light, point, normal, media, real)
 
     return inverse_pmf
 

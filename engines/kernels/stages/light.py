@@ -13,11 +13,11 @@ from engines.kernels.compile.masks import EVERY_LANE, has_lane, lane_bit, lanes_
 from engines.kernels.compile.records import address_of, lane_numbers, prefetch
 from engines.kernels.compile.values import keep_scalar, lowest_bit, select
 from engines.kernels.features import SceneFeatures
-from engines.kernels.flatten.lights import IMAGE_ENVIRONMENT, MESH, MODELS
+from engines.kernels.flatten.lights import CONSTANT_ENVIRONMENT, IMAGE_ENVIRONMENT, MESH, MODELS
 from engines.kernels.integrators.path_tracer import LIGHT_CANDIDATES
-from engines.kernels.lane.lights import Light, LightSample
+from engines.kernels.lane.lights import Light, LightSample, sample_environment_all_around
 from engines.kernels.lane.vector import Vec3, to_real
-from engines.kernels.layout import LANES, LIGHT, POINT_U0, POINT_U1, RUN, SURFACE, ray_batch, scene_table
+from engines.kernels.layout import LANES, LIGHT, MISS, POINT_U0, POINT_U1, RUN, ray_batch, scene_table
 from engines.kernels.rows import LightRow, MaterialRow, PrimitiveRow
 from engines.kernels.stages import emission, environment, light_cells, light_frames, light_hierarchy, resampling
 from engines.kernels.stages.environment import guide_entry
@@ -40,12 +40,14 @@ class Selection(NamedTuple):
     """That one by the hierarchy."""
     cells: bool
     """That one by cells."""
+    media: bool
+    """Vertices may lie in media, where there is no normal."""
 
 
 @cache
 def _make_choose(selection: Selection) -> Any:
     """The function (rays, lane, scene) -> (index of the lane's light, -1 for none; what is left of the random number)."""
-    every, many, power, hierarchy, cells = selection
+    every, many, power, hierarchy, cells, _ = selection
 
     @inline
     def choose_light(rays, lane, scene):
@@ -79,7 +81,7 @@ def _by_power(scene, n, u):
 def _make_load(kinds: tuple[int, ...], selection: Selection, real: Any) -> Any:
     """The function (rays, scene) that chooses each lane's light, of a mesh a face, and copies what the scene holds of it."""
     load_lights, meshes, hierarchy, cells = _make_load_lights(kinds), MESH in kinds, selection.hierarchy, selection.cells
-    choose_light, choose_all = _make_choose(selection), light_hierarchy.make_choose(real)
+    choose_light, choose_all = _make_choose(selection), light_hierarchy.make_choose(selection.media, real)
 
     @inline
     def load(rays, scene):
@@ -147,7 +149,10 @@ def _make_sample_one(kinds: tuple[int, ...], selection: Selection, turned: bool,
     zero, one, infinite = real(0), real(1), real(np.inf)
     load = _make_load(kinds, selection, real)
     weighted = selection.power or selection.hierarchy or selection.cells
-    sample_light = dispatch(tuple((kind, MODELS[kind].sample) for kind in kinds if kind != IMAGE_ENVIRONMENT))
+    samples = {kind: MODELS[kind].sample for kind in kinds if kind != IMAGE_ENVIRONMENT}
+    if selection.media and CONSTANT_ENVIRONMENT in samples:
+        samples[CONSTANT_ENVIRONMENT] = sample_environment_all_around
+    sample_light = dispatch(tuple(samples.items()))
     image_environment, real_bytes = IMAGE_ENVIRONMENT in kinds, np.dtype(real).itemsize
 
     @inline
@@ -206,7 +211,7 @@ def _make(
             resampling.choose_all(rays, k)
             resampling.draw_candidates(rays, count, real)
             sample_one(rays, scene)
-            resampling.store_targets(rays, scene, k, real)
+            resampling.store_targets(rays, scene, k, selection.media, real)
         resampling.pick(rays, count, real)
         resampling.draw_candidates(rays, count, real)
         sample_one(rays, scene)
@@ -217,10 +222,10 @@ def _make(
 
 @inline
 def _lanes_on_environment(rays):
-    """A word with a bit for each lane that has chosen the environment and is on a surface."""
+    """A word with a bit for each lane that has chosen the environment and is at a vertex."""
     lanes = np.int64(0)
     for lane in range(np.uint64(LANES)):
-        chosen = (rays.light_kind[lane] == IMAGE_ENVIRONMENT) & rays.alive[lane] & (rays.hit.kind[lane] == SURFACE)
+        chosen = (rays.light_kind[lane] == IMAGE_ENVIRONMENT) & rays.alive[lane] & (rays.hit.kind[lane] != MISS)
         lanes |= lane_bit(lane, chosen)
     return lanes
 
@@ -279,8 +284,8 @@ def _choose_places(rays, scene, axes, lanes, real_bytes):
 
 @inline
 def _image_environment(rays, scene, pmf, turned, real_bytes, real):
-    """Samples of the environment's image replace what the vector loop left in the lanes that chose it and are on a
-    surface."""
+    """Samples of the environment's image replace what the vector loop left in the lanes that chose it and are at a
+    vertex."""
     lanes = _lanes_on_environment(rays)
     if lanes == 0:
         return
@@ -308,7 +313,7 @@ def stage(features: SceneFeatures, every: bool, resampled: bool, real: Any) -> A
     of several candidates."""
     many = features.many_lights and not every
     ways = features.power_lights, features.light_hierarchy, features.light_cells
-    selection = Selection(every, many, *(many and way for way in ways))
+    selection = Selection(every, many, *(many and way for way in ways), features.media)
     colors = (emission.make_light_samples(features, real),) if features.textured_emission else ()
     colors += (light_frames.make_light_samples(real),) if features.light_frames else ()
     return _stage(features.lights, selection, features.turned_environment, resampled, colors, real)

@@ -11,7 +11,7 @@ import numpy as np
 from engines.kernels.compile.jit import inline
 from engines.kernels.flatten.lights import PROJECTOR, SPOT
 from engines.kernels.lane.vector import Vec3, dot, to_float64
-from engines.kernels.layout import LANES, SURFACE
+from engines.kernels.layout import LANES, MISS
 from engines.kernels.stages.textures import as_light, color_at
 
 
@@ -25,7 +25,7 @@ def make_light_samples(real: Any) -> Any:
     def light_samples(rays, scene):
         for lane in range(np.uint64(LANES)):
             kind = rays.light_kind[lane]
-            if rays.alive[lane] and rays.hit.kind[lane] == SURFACE and kind in (SPOT, PROJECTOR):
+            if rays.alive[lane] and rays.hit.kind[lane] != MISS and kind in (SPOT, PROJECTOR):
                 frame = scene.light_frames[rays.chosen_light[lane]]
                 texture = np.int64(frame.texture)
                 if texture >= 0:

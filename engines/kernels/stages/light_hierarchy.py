@@ -16,7 +16,8 @@ from engines.kernels.compile.simd import load8, splat
 from engines.kernels.compile.values import lowest_bit, select
 from engines.kernels.flatten.light_samplers import NODE_NUMBERS
 from engines.kernels.integrators.interface import MAX_DEPTH
-from engines.kernels.layout import LANES, LIGHT, SURFACE
+from engines.kernels.lane.media import is_at_vertex_of_medium
+from engines.kernels.layout import LANES, LIGHT, MISS
 
 WIDTH = 8
 
@@ -28,8 +29,9 @@ def _sine(cosine, zero, one):
 
 
 @inline
-def _shares(scene, node, p, normal, real):
-    """How much each child of a node may send to the point p, on the surface with this geometric normal."""
+def _shares(scene, node, p, normal, media, real):
+    """How much each child of a node may send to the point p, on the surface with this geometric normal. Where there are
+    `media`, it may lie in one of them: then the normal is 0."""
     rows, first = scene.light_nodes, node * NODE_NUMBERS
     zero, one = splat(real(0)), splat(real(1))
     x, y, z = p.x - load8(rows, first), p.y - load8(rows, first + 8), p.z - load8(rows, first + 16)
@@ -53,6 +55,8 @@ def _shares(scene, node, p, normal, real):
     cosine = -(normal.x * x + normal.y * y + normal.z * z) * inverse
     if scene.lit_through != 0:
         cosine = abs(cosine)
+    if media and is_at_vertex_of_medium(normal):
+        cosine = one
     sine = _sine(cosine, zero, one)
     incident = select((cosine >= cos_half) | inside, one, cosine * cos_half + sine * sin_half)
     lit = (emitted > load8(rows, first + 72)) & (incident > zero)
@@ -109,7 +113,7 @@ def _start(rays, scene, lane):
     no light has -1."""
     light, parts, goes = np.int64(-1), scene.light_parts, False
     rays.light_inverse_pmf[lane] = np.inf
-    if rays.alive[lane] and rays.hit.kind[lane] == SURFACE and rays.path.depth[lane] < scene.options[MAX_DEPTH]:
+    if rays.alive[lane] and rays.hit.kind[lane] != MISS and rays.path.depth[lane] < scene.options[MAX_DEPTH]:
         scaled = np.float64(rays.draw[LIGHT, lane]) * parts
         part = max(min(np.int64(scaled), parts - 1), 0)
         goes = part >= scene.n_unbounded_lights
@@ -122,10 +126,10 @@ def _start(rays, scene, lane):
 
 
 @inline
-def _descend(rays, scene, lane, real, below_one):
+def _descend(rays, scene, lane, media, real, below_one):
     """Goes from the lane's node to a child, or to a light; returns whether it goes on."""
     node, u = np.int64(rays.light_node[lane]), np.float64(rays.draw[LIGHT, lane])
-    shares = _shares(scene, node, rays.hit.point[lane], rays.hit.geometric_normal[lane], real)
+    shares = _shares(scene, node, rays.hit.point[lane], rays.hit.geometric_normal[lane], media, real)
     sums = _sums(shares)
     target = u * sums.total
     slot, start = _slot(sums, target)
@@ -145,7 +149,7 @@ def _descend(rays, scene, lane, real, below_one):
 
 
 @cache
-def make_choose(real: Any) -> Any:
+def make_choose(media: bool, real: Any) -> Any:
     """The function (rays, scene) that chooses each lane's light: its index, or -1 for none, 1 / the probability,
     and what is left of the draw. Lanes take turns, so that the processor works on one while another waits
     for a root."""
@@ -161,17 +165,17 @@ def make_choose(real: Any) -> Any:
             while turn != 0:
                 lane = np.uint64(lowest_bit(turn))
                 turn &= turn - 1
-                waiting |= lane_bit(lane, _descend(rays, scene, lane, real, below_one))
+                waiting |= lane_bit(lane, _descend(rays, scene, lane, media, real, below_one))
 
     return choose
 
 
 @inline
-def inverse_pmf(scene, light, p, normal, real):
+def inverse_pmf(scene, light, p, normal, media, real):
     """1 / the probability with which the light is chosen at the point p."""
     probability, place = 1.0 / scene.light_parts, np.int64(scene.light_places[light])
     while place >= 0 and probability > 0.0:
-        shares = _shares(scene, place // WIDTH, p, normal, real)
+        shares = _shares(scene, place // WIDTH, p, normal, media, real)
         share = np.float64(number(shares, place % WIDTH))
         probability *= share / _sums(shares).total if share > 0.0 else 0.0
         place = np.int64(scene.light_parents[place // WIDTH])

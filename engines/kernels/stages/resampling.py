@@ -12,7 +12,7 @@ from engines.kernels.compile.values import select
 from engines.kernels.integrators.path_tracer import BSDF_ONLY, DIRECT_OPTION, MIS
 from engines.kernels.lane.sampling import is_delta, power_heuristic
 from engines.kernels.lane.vector import Vec3, dot
-from engines.kernels.layout import LANES, LIGHT, ROULETTE
+from engines.kernels.layout import LANES, LIGHT, MEDIUM, ROULETTE
 
 STEPS = (12664746, 9560334)
 """How far candidate k + 1 lies from candidate k in the numbers that place it on its light, in units of 2^-24."""
@@ -55,16 +55,20 @@ def draw_candidates(rays, count, real):
 
 
 @inline
-def store_targets(rays, scene, candidate, real):
-    """The target of the light sample that the batch holds, which is that of the same candidate in every lane."""
+def store_targets(rays, scene, candidate, media, real):
+    """The target of the light sample that the batch holds, which is that of the same candidate in every lane. Where there are
+    `media`, vertices in them have no cosine and no side."""
     zero, through = real(0), scene.lit_through != 0
     delta_only, mis = scene.options[DIRECT_OPTION] == BSDF_ONLY, scene.options[DIRECT_OPTION] == MIS
     for lane in range(np.uint64(LANES)):
         wi, li, pdf = rays.light_sample.wi[lane], rays.light_sample.radiance[lane], rays.light_sample.pdf[lane]
         luminance = 0.212671 * li.x + 0.715160 * li.y + 0.072169 * li.z
-        cosine = abs(dot(rays.hit.normal[lane], wi))
+        cosine, anywhere = abs(dot(rays.hit.normal[lane], wi)), through
+        if media:
+            in_medium = rays.hit.kind[lane] == MEDIUM
+            cosine, anywhere = select(in_medium, real(1), cosine), through | in_medium
         weight = select(mis, power_heuristic(pdf, cosine * (1.0 / math.pi)), 1.0)
-        reaches = (pdf > zero) & (through | (dot(rays.hit.geometric_normal[lane], wi) > zero))
+        reaches = (pdf > zero) & (anywhere | (dot(rays.hit.geometric_normal[lane], wi) > zero))
         reaches = reaches & ((not delta_only) | is_delta(pdf))
         rays.targets[candidate, lane] = select(reaches, luminance * cosine * weight, zero)
 

@@ -35,6 +35,8 @@ SAMPLER_OPTION = SHADER_OPTIONS
 ALL_WANTED = (1 << VERTEX_DRAWS) - 1
 LENS_DIMENSIONS = (0, 1, 9, 17)
 """Place in the pixel, place on the aperture: the eighth dimensions of the first two vertices, which no vertex uses."""
+FLIGHT = 23
+"""The dimension of a flight, counted from the first of the vertex at its end: an eighth one, too, which the lens leaves."""
 SOBOL_DIMENSIONS = 64
 HALTON_DIMENSIONS = 32
 
@@ -106,9 +108,9 @@ def _of_plugin(function: Any, options: tuple[float, ...], real: Any) -> Any:
     return value
 
 
-def _make(value: Any, tabulated: bool, draws: int, real: Any) -> Any:
-    """A stage that fills draw 0 .. draws - 1 from `rays.dimension` on, those that `scene.wanted_draws` has a bit
-    for."""
+def _make(value: Any, tabulated: bool, draws: int, ahead: int, real: Any) -> Any:
+    """A stage that fills draw 0 .. draws - 1 from the dimension on that lies `ahead` of `rays.dimension`, those that
+    `scene.wanted_draws` has a bit for."""
     shift, scale = (8, 2.0**-24) if real == np.float32 else (0, 2.0**-32)
 
     def draw(batch, scene_address):
@@ -117,6 +119,8 @@ def _make(value: Any, tabulated: bool, draws: int, real: Any) -> Any:
         option, seed_key = scene.options[SAMPLER_OPTION], np.uint32(scene.seed_key)
         stride = scene.points_stride
         columns = stride - VERTEX_DRAWS
+        if ahead:
+            _move(rays, ahead)
         last = _store_keys(rays, seed_key)
         if tabulated:
             _load_points(rays, scene.sample_points, stride, columns, scene.first_sample, draws)
@@ -129,8 +133,16 @@ def _make(value: Any, tabulated: bool, draws: int, real: Any) -> Any:
                 rays.draw[k, lane] = value(rays, lane, k, seed_key, option)
             if beyond:
                 _random_beyond(rays, k, columns, np.uint32(shift), real(scale), real)
+        if ahead:
+            _move(rays, -ahead)
 
     return draw
+
+
+@inline
+def _move(rays, dimensions):
+    for lane in range(np.uint64(LANES)):
+        rays.dimension[lane] = rays.dimension[lane] + dimensions
 
 
 @inline
@@ -164,18 +176,30 @@ def _make_for_lens(value: Any, tabulated: bool, real: Any) -> Any:
     return draw
 
 
+def _value_of(sampler: Choice, real: Any) -> Any:
+    """The function (rays, lane, k, seed_key, option) -> draw in [0, 1) of a sampler."""
+    if sampler.plugin is not None:
+        return _of_plugin(sampler.plugin.jitted, tuple(option_numbers(sampler.options)), real)
+    if sampler.name == "constant":
+        return _constant(real)
+    scrambled, plain = BITS[sampler.name]
+    return _to_real(plain if sampler.options.get("scramble") == "none" else scrambled, real)
+
+
+def _is_tabulated(sampler: Choice) -> bool:
+    return sampler.plugin is None and sampler.name in TABULATED
+
+
 def stages(sampler: Choice, real: Any, lens: bool = False) -> tuple[Any, Any]:
     """(draws for the camera, draws for a vertex) of a sampler; `lens`: the camera is one."""
-    if sampler.plugin is not None:
-        value = _of_plugin(sampler.plugin.jitted, tuple(option_numbers(sampler.options)), real)
-    elif sampler.name == "constant":
-        value = _constant(real)
-    else:
-        scrambled, plain = BITS[sampler.name]
-        value = _to_real(plain if sampler.options.get("scramble") == "none" else scrambled, real)
-    tabulated = sampler.plugin is None and sampler.name in TABULATED
-    camera = _lens_stage(value, tabulated, real) if lens else _stage(value, tabulated, CAMERA_DIMENSIONS, real)
-    return camera, _stage(value, tabulated, VERTEX_DRAWS, real)
+    value, tabulated = _value_of(sampler, real), _is_tabulated(sampler)
+    camera = _lens_stage(value, tabulated, real) if lens else _stage(value, tabulated, CAMERA_DIMENSIONS, 0, real)
+    return camera, _stage(value, tabulated, VERTEX_DRAWS, 0, real)
+
+
+def flight_stage(sampler: Choice, real: Any) -> Any:
+    """The draw of a ray's flight through a medium, draw 0."""
+    return _stage(_value_of(sampler, real), _is_tabulated(sampler), 1, FLIGHT, real)
 
 
 @cache
@@ -184,8 +208,8 @@ def _lens_stage(value: Any, tabulated: bool, real: Any) -> Any:
 
 
 @cache
-def _stage(value: Any, tabulated: bool, draws: int, real: Any) -> Any:
-    return compile_stage(_make(value, tabulated, draws, real))
+def _stage(value: Any, tabulated: bool, draws: int, ahead: int, real: Any) -> Any:
+    return compile_stage(_make(value, tabulated, draws, ahead, real))
 
 
 def seed_key(seed: int) -> int:

@@ -19,9 +19,11 @@ from engines.kernels.flatten.lights import CONSTANT_ENVIRONMENT, IMAGE_ENVIRONME
 from engines.kernels.flatten.shapes import analytic_shape
 from engines.kernels.integrators import aov, path_tracer, whitted
 from engines.kernels.integrators.interface import MAX_DEPTH, Integrator, Path, SurfaceInteraction, Uses
+from engines.kernels.lane.bsdf.interface import BSDFSample, Scattering, Spectrum
 from engines.kernels.lane.lights import LightSample
+from engines.kernels.lane.media import SPHERE_PDF, phase, sample_phase
 from engines.kernels.lane.sampling import cosine_pdf
-from engines.kernels.lane.vector import Vec3, dot, length
+from engines.kernels.lane.vector import WHITE, Vec3, dot, largest, length
 from engines.kernels.layout import (
     CAMERA_DIMENSIONS,
     DIRECTION_U0,
@@ -29,6 +31,7 @@ from engines.kernels.layout import (
     LANES,
     LIGHT,
     LOBE,
+    MEDIUM,
     MOST_NULL_LOBES,
     POINT_U0,
     POINT_U1,
@@ -36,6 +39,7 @@ from engines.kernels.layout import (
     SHADER_OPTIONS,
     VERTEX_DIMENSIONS,
     VERTEX_DRAWS,
+    Attenuation,
     Branch,
     ray_batch,
     scene_table,
@@ -45,6 +49,7 @@ from engines.scene import support
 
 INTEGRATORS: Mapping[str, Integrator] = {
     "path_tracer": path_tracer.INTEGRATOR,
+    "volumetric_path_tracer": path_tracer.INTEGRATOR,
     "whitted": whitted.WHITTED,
     "no_shadows": whitted.NO_SHADOWS,
     "depth_map": aov.DEPTH_MAP,
@@ -71,6 +76,11 @@ def light_candidates(shader: Choice) -> int:
     return 1 if shader.plugin is not None else shader.options.get("light_candidates", 1)
 
 
+def traces_paths(shader: Choice) -> bool:
+    """Whether the integrator is the path tracer, in media or not."""
+    return shader.plugin is None and INTEGRATORS[shader.name] is path_tracer.INTEGRATOR
+
+
 def is_guided(shader: Choice) -> bool:
     """Whether the integrator samples directions by an SD-tree as well."""
     return shader.plugin is None and shader.options.get("guiding", "none") == "sd_tree"
@@ -78,11 +88,13 @@ def is_guided(shader: Choice) -> bool:
 
 def with_integrator(features: SceneFeatures, shader: Choice) -> SceneFeatures:
     """The features, with those that options of the integrator bring."""
-    if shader.plugin is not None or shader.name != "path_tracer":
-        return features
+    if not traces_paths(shader):
+        return features._replace(media=False)
+    volumetric = shader.name == "volumetric_path_tracer"
     shines = features.emission or bool({CONSTANT_ENVIRONMENT, IMAGE_ENVIRONMENT} & {*features.lights})
     return features._replace(
-        transparent=shader.options["transparent_shadows"] and features.null_lobes,
+        media=volumetric and features.media,
+        transparent=(volumetric or shader.options["transparent_shadows"]) and features.null_lobes,
         hidden_emitters=shader.options["hide_emitters"] and shines,
         guided=is_guided(shader),
     )
@@ -97,8 +109,8 @@ def option_numbers(shader: Choice, bounds: NDArray[np.float64], center: NDArray[
         row[: len(numbers)] = numbers
         return row
     row[MAX_DEPTH] = options.get("max_depth", 1)
-    if shader.name == "path_tracer":
-        row[path_tracer.RR_DEPTH] = options["rr_depth"]
+    if traces_paths(shader):
+        row[path_tracer.RR_DEPTH] = first_roulette(shader)
         row[path_tracer.DIRECT_OPTION] = path_tracer.DIRECT[options["direct"]]
         row[path_tracer.LIGHT_CANDIDATES] = light_candidates(shader)
     elif shader.name in ("whitted", "no_shadows"):
@@ -110,12 +122,17 @@ def option_numbers(shader: Choice, bounds: NDArray[np.float64], center: NDArray[
     return row
 
 
+def first_roulette(shader: Choice) -> int:
+    """The depth from which on the path tracer plays roulette: one vertex later in `volumetric_path_tracer`."""
+    return shader.options["rr_depth"] + (1 if shader.name == "volumetric_path_tracer" else 0)
+
+
 def last_depth(shader: Choice, features: SceneFeatures) -> int:
     """The depth from which on the integrator reads of a vertex its emission alone, as it does of a miss; 0 where it may read
     more of any."""
     if features.transparent or features.hidden_emitters:
         return 0
-    return int(shader.options["max_depth"]) if shader.plugin is None and shader.name == "path_tracer" else 0
+    return int(shader.options["max_depth"]) if traces_paths(shader) else 0
 
 
 def wanted_draws(shader: Choice, features: SceneFeatures) -> int:
@@ -124,12 +141,12 @@ def wanted_draws(shader: Choice, features: SceneFeatures) -> int:
     if shader.plugin is not None:
         return (1 << VERTEX_DRAWS) - 1
     light = 1 << POINT_U0 | 1 << POINT_U1 | (1 << LIGHT if features.many_lights or features.mesh_lights else 0)
-    if shader.name != "path_tracer":
+    if not traces_paths(shader):
         return light | (1 << LOBE if features.choices else 0)
     several = features.lobes or features.specular_reflection or features.specular_transmission or features.choices
     several = several or is_guided(shader)
     lobe = 1 << LOBE if several else 0
-    ends = light_candidates(shader) > 1 or shader.options["rr_depth"] < shader.options["max_depth"]
+    ends = light_candidates(shader) > 1 or first_roulette(shader) < shader.options["max_depth"]
     return light | lobe | 1 << DIRECTION_U0 | 1 << DIRECTION_U1 | (1 << ROULETTE if ends else 0)
 
 
@@ -153,6 +170,8 @@ class ShadeFeatures(NamedTuple):
     """Emitters hide from the camera, and are crossed freely then."""
     keeps_eta_scale: bool
     """`Path.eta_scale` is kept."""
+    media: bool
+    """Vertices may lie in media."""
 
 
 @inline
@@ -232,6 +251,39 @@ def _has_crossed_many(rays, lane, depth, crosses):
     return crosses & (earlier + 1 >= MOST_NULL_LOBES)
 
 
+@inline
+def _store_media(rays, lane, si, light, result, goes, offset, shading):
+    """The media into which the next ray and the shadow ray go, and how far from the surface they start along their way."""
+    near, far, before = rays.flight.near[lane], rays.flight.far[lane], rays.flight.medium[lane]
+    rays.flight.medium[lane] = select(goes, select(result.transmitted, far, near), before)
+    rays.flight.lead[lane] = offset * abs(dot(si.geometric_normal, result.direction))
+    if shading.lit:
+        beyond, sent = dot(si.geometric_normal, light.wi) < 0.0, rays.shadow.t_max[lane] > 0.0
+        lead = offset * abs(dot(si.geometric_normal, rays.shadow.direction[lane]))
+        rays.attenuation[lane] = Attenuation(select(beyond, far, near), lead, select(sent, light.distance, 0.0))
+
+
+@inline
+def _scattering_at(rays, lane, si, path, draws, bsdf, in_medium):
+    """That of the BSDF, or of the medium's phase function."""
+    g, one = rays.flight.g[lane], const(1.0, si.t)
+    value = phase(g, dot(si.direction, rays.light_sample.wi[lane]))
+    wi, pdf = sample_phase(g, si.direction, draws.u0, draws.u1)
+    sample = BSDFSample(wi, Spectrum(WHITE, one), pdf, False, largest(path.throughput) > 0.0)
+    return Scattering(
+        select(in_medium, Spectrum(WHITE, value), bsdf.value),
+        select(in_medium, value, bsdf.pdf),
+        select(in_medium, sample, bsdf.sample),
+        bsdf.reflection,
+        bsdf.transmission,
+        bsdf.diffuse,
+        bsdf.albedo,
+        bsdf.through & (not in_medium),
+        bsdf.null & (not in_medium),
+        select(in_medium, one, bsdf.eta_scale),
+    )
+
+
 class Vertex(NamedTuple):
     """One lane before its step."""
 
@@ -273,6 +325,8 @@ def _store(rays, lane, before, result, crosses, null, n_lights, shading, left, s
     if shading.branches:
         there, origin = goes & result.branch, si.point + si.geometric_normal * offset
         rays.branch[lane] = Branch(there, origin, result.branch_direction, result.branch_throughput)
+    if shading.media:
+        _store_media(rays, lane, si, before.light, result, goes, offset, shading)
     if shading.transparent or shading.hides:
         _store_crossing_ray(rays, lane, si, before.path, result, crosses, null, goes, offset, depth, left)
         return
@@ -298,7 +352,7 @@ def _eight_options(scene, real):
 
 
 def _make(step: Any, scattering: Any, shading: ShadeFeatures, real: Any) -> Any:
-    left, transparent, hides = make_left(shading.curved), shading.transparent, shading.hides
+    left, transparent, hides, media = make_left(shading.curved), shading.transparent, shading.hides, shading.media
 
     def shade(batch, scene_address):
         rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
@@ -307,7 +361,14 @@ def _make(step: Any, scattering: Any, shading: ShadeFeatures, real: Any) -> Any:
         for lane in range(np.uint64(LANES)):
             before, draws = _load(rays, scene, lane, shading, real), load_draws(rays, lane)
             bsdf = scattering(rays, lane, before.si, draws)
-            if transparent or hides:
+            if media:
+                in_medium = rays.hit.kind[lane] == MEDIUM
+                bsdf = _scattering_at(rays, lane, before.si, before.path, draws, bsdf, in_medium)
+                crosses = bsdf.null if transparent else hides and rays.crossing.absent[lane]
+                result = step(before.si, before.light, bsdf, draws, before.path, options, crosses, in_medium)
+                _store(rays, lane, before, result, crosses, bsdf.null, n_lights, shading, left, share, real)
+                rays.cosine_pdf[lane] = select(in_medium, real(SPHERE_PDF), rays.cosine_pdf[lane])
+            elif transparent or hides:
                 crosses = bsdf.null if transparent else rays.crossing.absent[lane]
                 result = step(before.si, before.light, bsdf, draws, before.path, options, crosses)
                 _store(rays, lane, before, result, crosses, bsdf.null, n_lights, shading, left, share, real)
@@ -342,6 +403,7 @@ def shade_features(integrator: Integrator, features: SceneFeatures) -> ShadeFeat
         features.transparent,
         features.hidden_emitters,
         bends,
+        features.media,
     )
 
 
@@ -353,6 +415,7 @@ def uses(integrator: Integrator, shading: ShadeFeatures) -> Uses:
 def stage(integrator: Integrator, shading: ShadeFeatures, features: SceneFeatures, real: Any) -> Any:
     """The shade stage of an integrator."""
     step = integrator.crossing_step if shading.transparent or shading.hides else integrator.step
+    step = integrator.medium_step if shading.media else step
     return _stage(step, make_scattering(features, uses(integrator, shading)), shading, real)
 
 

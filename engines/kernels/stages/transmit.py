@@ -21,10 +21,11 @@ from engines.kernels.compile.values import lowest_bit, select
 from engines.kernels.features import SceneFeatures, per_features
 from engines.kernels.flatten.materials import transmittance_of
 from engines.kernels.flatten.programs import BLEND, BUMP, LEAF, MASK, SIDES, THROUGH
-from engines.kernels.lane import tilt
-from engines.kernels.lane.vector import Vec3, largest, length, to_float64, to_real
+from engines.kernels.lane import media, tilt
+from engines.kernels.lane.vector import Vec3, dot, largest, length, to_float64, to_real
 from engines.kernels.layout import LANES, SURFACE, ray_batch, scene_table
 from engines.kernels.rows import BSDF_PARAMETERS
+from engines.kernels.stages.flight import load_extinctions, medium_beyond
 from engines.kernels.stages.material import coordinates_at, make_locate, make_look_up, make_share, tilted, triangle_point
 from engines.kernels.stages.shade import curved_shapes, make_left
 
@@ -121,7 +122,18 @@ def _make_transmittance(features: SceneFeatures, real: Any) -> Any:
 
 
 @inline
-def _store_next_rays(rays, share, left, real):
+def _attenuate(rays, scene):
+    """What media let pass on the way to what the rays have met; that of a ray which has ended is 0 long."""
+    load_extinctions(rays, scene)
+    for lane in range(np.uint64(LANES)):
+        met = rays.t[lane] + rays.attenuation.lead[lane]
+        way = select(rays.hit.kind[lane] == SURFACE, met, rays.attenuation.distance[lane])
+        passed = media.transmittance(rays.flight.sigma_t[lane], way)
+        rays.shadow.transmittance[lane] = rays.shadow.transmittance[lane] * passed
+
+
+@inline
+def _store_next_rays(rays, share, left, has_media, real):
     """The rays that go on, from the far side of what they have met to the same place; `t` is -1 of the others."""
     zero, infinite = real(0), real(math.inf)
     for lane in range(np.uint64(LANES)):
@@ -134,16 +146,22 @@ def _store_next_rays(rays, share, left, real):
         rays.direction[lane] = select(endless, rays.direction[lane], aim * (real(1) / way))
         rays.t[lane] = select(goes, select(endless, infinite, way * share - offset), real(-1))
         rays.origin_primitive[lane] = left(rays, lane)
+        if has_media:
+            far = select(endless, infinite, length(rays.shadow.destination[lane] - rays.hit.point[lane]))
+            rays.attenuation.distance[lane] = select(goes, far, zero)
+            rays.attenuation.lead[lane] = offset * abs(dot(rays.hit.geometric_normal[lane], rays.direction[lane]))
 
 
 def _make(features: SceneFeatures, real: Any) -> Any:
     transmittance, textures = _make_transmittance(features, real), features.textures
     locate, programs = make_locate(features), features.programs
-    left = make_left(curved_shapes(features))
+    left, has_media = make_left(curved_shapes(features)), features.media
 
     def transmit(batch, scene_address):
         rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
         hits = _on_surfaces(rays.hit.kind)
+        if has_media:
+            _attenuate(rays, scene)
         if programs and textures:
             locate(rays, scene, hits)
         while hits != 0:
@@ -151,7 +169,10 @@ def _make(features: SceneFeatures, real: Any) -> Any:
             hits &= hits - 1
             passed = transmittance(rays, lane, scene)
             rays.shadow.transmittance[lane] = rays.shadow.transmittance[lane] * passed
-        _store_next_rays(rays, real(scene.margins[0].shadow_share), left, real)
+            if has_media:
+                before = np.int32(rays.attenuation.medium[lane])
+                rays.attenuation.medium[lane] = medium_beyond(rays, lane, scene, not rays.hit.front[lane], before)
+        _store_next_rays(rays, real(scene.margins[0].shadow_share), left, has_media, real)
 
     return transmit
 

@@ -1,0 +1,30 @@
+"""Media as rows, and which of them lie on the sides of primitives."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engines.kernels.rows import MediumRow
+from engines.scene import HomogeneousMedium, Shape
+
+NO_BOUNDARY = -1
+"""In place of both media of a surface that changes none."""
+
+
+def medium_rows(media: Sequence[HomogeneousMedium]) -> NDArray[np.float64]:
+    """(m + 1, numbers of a row); the last is vacuum."""
+    rows = [MediumRow.packed(sigma_t=each.sigma_t, albedo=each.albedo, g=each.g) for each in media]
+    return np.array([*rows, MediumRow.packed()], np.float64)
+
+
+def medium_sides(shapes: Sequence[Shape], first_id: Sequence[int], primitives: int, vacuum: int) -> NDArray[np.int32]:
+    """(primitives, 2) rows of the media inside and outside; `first_id` are the ids of the first primitives of shapes."""
+    counts = np.diff([*first_id, primitives])
+    sides = np.full((len(shapes), 2), NO_BOUNDARY, np.int32)
+    for row, shape in zip(sides, shapes, strict=True):
+        if shape.is_boundary:
+            row[:] = [vacuum if side is None else side for side in (shape.interior, shape.exterior)]
+    return np.repeat(sides, counts, axis=0)
