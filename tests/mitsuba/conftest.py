@@ -2,12 +2,12 @@
 
 import pytest
 
+from tests.mitsuba.peer import mi
+
 
 @pytest.fixture
 def scalar_rgb():
     """Mitsuba's variant for what a test does with Mitsuba itself."""
-    import mitsuba as mi
-
     before = mi.variant()
     mi.set_variant("scalar_rgb")
     yield
