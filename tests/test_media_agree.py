@@ -25,6 +25,7 @@ from engines.scene import (
     Perspective,
     Plane,
     PointLight,
+    ProjectorLight,
     Scene,
     Sphere,
     SphereSet,
@@ -140,6 +141,14 @@ def test_numba_in_float64_equals_the_reference_in_a_room_of_fog(options):
 
 def test_numba_in_float64_equals_the_reference_in_media_under_an_image_of_the_sky():
     assert_equal(everything([EnvironmentLight((1.0, 0.8, 0.6), pixels(6, 9, 3))]))
+
+
+def test_numba_in_float64_equals_the_reference_in_media_under_lights_that_show_textures():
+    above, down, image = (0.2, -0.8, 3.2), (0.0, 0.28, -0.96), ImageTexture(pixels(5, 7, 3))
+    spot = SpotLight(above, down, (8.0, 9.0, 7.0), 40.0, 20.0, image, (0.0, 1.0, 0.0))
+    projector = ProjectorLight(above, down, (1.0, 0.0, 0.0), (2.0, 2.0, 2.0), image, 60.0, "y")
+    for light in (spot, projector):
+        assert_equal(everything([light]))
 
 
 @pytest.mark.parametrize("sampler", ["random", "halton", "stratified", "constant"])
