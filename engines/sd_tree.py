@@ -2,7 +2,7 @@
 
 A binary tree over space halves the scene's box at the middle, along x, y and z in turn. Each of its leaves has a quadtree over
 directions: the square of (x, y) = ((1 + z)/2, phi/2 pi), whose areas are in proportion to solid angles. A *cell* is a quarter
-of a quadtree's node that is not divided further. docs/transport.md, "Path guiding", has the rules; engines look the tree up
+of a quadtree's node that is not divided further. How paths use it: docs/transport.md, "Path guiding"; engines look the tree up
 by functions of their own.
 """
 
