@@ -4,7 +4,7 @@ A page has them between `<!-- figures: renderers WORDS -->` and `<!-- end -->`, 
 stands there is made of the archive results/renderers. The words are one of:
 
 - `first`: the fastest of each scene to each error;
-- `0.01`: seconds of every contestant to this error; `0.01 brief`: of four renderers;
+- `0.01`: seconds of every contestant to this error; `0.01 brief`: of the engines of `BRIEF`, without intervals;
 - `study 0.01 numba`: the seconds of one of `CONTESTANTS` to this error on this scene;
 - `unranked`: who is not ranked, and why;
 - `race`: machine, versions, scenes and cells.
@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 from harness import open_results
 from harness.analysis.model import OF_THE_TIME
 from harness.report.chapter.experiment import contended_cells, place
-from harness.report.tables.model import estimate_text
+from harness.report.tables.model import estimate_text, number_text
 
 ROOT = Path(__file__).resolve().parents[1]
 MARK = re.compile(r"(<!-- figures: ([^\n]*?) -->)(\n?).*?(<!-- end -->)", re.DOTALL)
@@ -47,13 +47,17 @@ CONTESTANTS = {
     "cycles": Contestant("cycles", "sobol", "closed", "Cycles"),
     "cycles-open": Contestant("cycles", "sobol", "open", "Cycles, light tree"),
 }
-BRIEF = ("numba", "mitsuba", "luxcore", "cycles")
+BRIEF = {
+    **{"numba": "`numba`, Sobol", "embree": "`embree`, Sobol", "mitsuba": "Mitsuba, fastest"},
+    **{"luxcore": "LuxCore", "cycles": "Cycles"},
+}
+"""Columns of the short table, and their heads."""
 PEERS = {"mitsuba": "Mitsuba", "luxcore": "LuxCore", "cycles": "Cycles"}
 LETTERS = {
-    **{"biased": "b", "biased_image": "b", "biased_tile": "b", "on_bias_floor": "b", "other_image": "d"},
-    **{"equivalence_unresolved": "u", "too_good_per_sample": "e", "noisy_reference": "n", "contended": ""},
+    **{"biased": "b", "biased_image": "b", "biased_tile": "b", "on_bias_floor": "b"},
+    **{"equivalence_unresolved": "u", "too_good_per_sample": "e", "contended": ""},
 }
-"""Flag -> the mark behind a time. A flag without one is an error: the page does not explain it."""
+"""Flag -> the letter behind a time. A flag without one is an error, since docs/renderers.md does not explain it."""
 
 
 class Race:
@@ -104,9 +108,9 @@ def renderers(race: Race, words: Sequence[str]) -> str:
         case ["race"]:
             return setting(race)
         case [target]:
-            return seconds(race, float(target), list(CONTESTANTS))
+            return seconds(race, float(target))
         case [target, "brief"]:
-            return seconds(race, float(target), BRIEF)
+            return brief(race, float(target))
         case [scene, target, key]:
             return estimate_text(_estimate(race.at(scene, float(target), key))).replace(" [", " s [")
     raise ValueError(f"figures: renderers {' '.join(words)}: see the top of {Path(__file__).name}")
@@ -124,9 +128,26 @@ def first(race: Race) -> str:
     return _table(("scene", *(f"to {target:g}" for target in race.targets)), rows)
 
 
-def seconds(race: Race, target: float, keys: Sequence[str]) -> str:
-    rows = [(f"`{scene}`", *(_cell(race, scene, target, key) for key in keys)) for scene in race.scenes]
-    return _table(("scene", *(CONTESTANTS[key].title for key in keys)), rows)
+def seconds(race: Race, target: float) -> str:
+    rows = [(f"`{scene}`", *(_cell(race, scene, target, key) for key in CONTESTANTS)) for scene in race.scenes]
+    return _table(("scene", *(one.title for one in CONTESTANTS.values())), rows)
+
+
+def brief(race: Race, target: float) -> str:
+    """Without intervals; who is not ranked has a star."""
+
+    def cell(scene: str, key: str) -> str:
+        row = race.rows.get((scene, target, key))
+        if row is None:
+            return "-"
+        reached = isfinite(row.seconds)
+        text = number_text(row.seconds) if reached else "not reached"
+        if reached and key in race.possible(scene, target):
+            return f"**{text}**"
+        return text if race.ranked(scene, key) else rf"{text}\*"
+
+    rows = [(f"`{scene}`", *(cell(scene, key) for key in BRIEF)) for scene in race.scenes]
+    return _table(("scene", *BRIEF.values()), rows)
 
 
 def _cell(race: Race, scene: str, target: float, key: str) -> str:
