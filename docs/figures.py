@@ -47,7 +47,7 @@ CONTESTANTS = {
     "cycles-open": Contestant("cycles", "sobol", "open", "Cycles, light tree"),
 }
 BRIEF = {
-    **{"numba": "`numba`, Sobol", "embree": "`embree`, Sobol", "mitsuba": "Mitsuba, fastest"},
+    **{"numba": "numba, Sobol", "embree": "embree, Sobol", "mitsuba": "Mitsuba, fastest setting"},
     **{"luxcore": "LuxCore", "cycles": "Cycles"},
 }
 """Columns of the short table, and their heads."""
