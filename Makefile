@@ -8,7 +8,7 @@ ARGS ?=
 , := ,
 
 .DELETE_ON_ERROR:
-.PHONY: help bench test test-slow fuzz microbench speed baseline renderers chapter chapter-text lint docs docs-pictures clean
+.PHONY: help bench test test-slow fuzz microbench speed baseline renderers chapter chapter-text figures lint docs docs-pictures clean
 
 help:
 	@echo "make bench       install, run configs/quick.yaml into $(OUT), say where the report is"
@@ -27,6 +27,7 @@ help:
 	@echo "make chapter     measure configs/dissertation.yaml and dahlquist.yaml (half an hour, on an idle machine), archive them and"
 	@echo "                 write the dissertation's missing chapter into results/dissertation/chapter"
 	@echo "make chapter-text  write it again from the archives and results/dissertation/prose.md; its claims are checked"
+	@echo "make figures     write the figures that pages take from results/renderers; what the page on it claims is checked"
 	@echo "With another interpreter: make clean, then make bench PYTHON=python3.12"
 
 bench: .venv/.installed
@@ -56,6 +57,7 @@ baseline: .venv/.installed
 renderers: .venv/.installed
 	@$(BIN)/raybench run configs/renderers.yaml --out results/renderers-run
 	@$(BIN)/raybench archive results/renderers-run --out results/renderers --images 1
+	@$(MAKE) figures
 
 chapter: .venv/.installed
 	@$(BIN)/raybench run dissertation --out results/dissertation-run
@@ -66,6 +68,9 @@ chapter: .venv/.installed
 
 chapter-text: .venv/.installed
 	@$(BIN)/python results/dissertation/chapter.py
+
+figures: .venv/.installed
+	@$(BIN)/python docs/figures.py
 
 docs: .venv/.installed-docs
 	@$(BIN)/python -m sphinx -q -W --keep-going -j auto docs docs/_build/html $(ARGS)
