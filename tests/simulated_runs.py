@@ -2,9 +2,9 @@
 
     python -m tests.simulated_runs [RUNS]
 
-prints the table of docs/how/verdicts.md. A run has a number of scenes, six contestants in each, four twins and five blocks.
-`persistent` is the standard deviation of what persists between two equal contestants over all blocks, `noise` that of a cell;
-both of ln seconds.
+prints the figures of the table of docs/how/verdicts.md. A run has a number of scenes, six contestants in each, four twins and
+five blocks. `persistent` is the standard deviation of what persists between two equal contestants over all blocks, `noise`
+that of a cell; both of ln seconds.
 """
 
 import math

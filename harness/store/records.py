@@ -2,7 +2,7 @@
 
 A record is parsed once, when its line is read, and is the same where it is made, written, kept and analysed; it does not
 change. In files numbers are as JSON has them, none converted; ids and paths are as `confined` expects them; keys without a
-name here are let through and not kept. The kinds of events and what they are for: docs/harness.md.
+name here are let through and not kept.
 """
 
 from __future__ import annotations
@@ -249,7 +249,13 @@ class Phases(Record):
 
 
 class Machine(Record):
-    """The machine over the timed calls of a cell: see docs/harness.md. None: it was not counted."""
+    """The machine over the timed calls of a cell. None: it was not counted.
+
+    `timed_seconds` are wall time, `cpu_seconds` processor time of the child and of what it started and awaited,
+    `off_clock_cpu_seconds` that of other threads than the calling one between timed calls, `run_queue_seconds` the time that
+    its threads waited for a processor, `other_cpu_seconds` that of other processes on the usable cores. `contention_rule` says
+    by which rule of docs/how/clock.md the cell is contended.
+    """
 
     load_1m: float | None = None
     timed_seconds: float | None = None
