@@ -19,7 +19,7 @@ TARGET = 0.01
 def verdicts():
     found = harness.open_results(ROOT / "results" / "renderers").verdicts
     found = found[(found.target == TARGET) & found.contestant.isin(CONTESTANTS)]
-    return found.set_index(["scene", "contestant"], verify_integrity=True)
+    return found.set_index(["scene", "contestant"])
 
 
 def entry(verdicts, scene, contestant):
