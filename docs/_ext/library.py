@@ -42,20 +42,20 @@ def claims() -> str:
     return table(("Claim", "What must hold"), [(code(claim.__name__), summary(claim)) for claim in CLAIMS])
 
 
-def _names(modules: Iterable[tuple[str, str]]) -> str:
-    """Name, first sentence and file of what modules, with the names that a page chooses of each, offer."""
-    rows = []
-    for name, chosen in modules:
-        for key, found in _public(importlib.import_module(name), re.findall(r"\w+", chosen)):
-            file = Path(sys.modules[found.__module__].__file__).resolve().relative_to(ROOT).as_posix()
-            rows.append((code(f"{name}.{key}"), FIRST.split(summary(found))[0], f"[{file}](../../{file})"))
-    return table(("Name", "What it is", "File"), rows)
-
-
-def _public(module, chosen: list[str]) -> Iterator[tuple[str, type]]:
+def public(module, chosen: Iterable[str] = ()) -> Iterator[tuple[str, type]]:
     """Classes and functions of a module: those chosen, else those of `__all__`, else those that it defines."""
     defined = [name for name, found in vars(module).items() if getattr(found, "__module__", "") == module.__name__]
     for name in chosen or getattr(module, "__all__", defined):
         found = getattr(module, name)
         if not name.startswith("_") and callable(found) and found.__module__.startswith(("engines", "harness")):
             yield name, found
+
+
+def _names(modules: Iterable[tuple[str, str]]) -> str:
+    """Name, first sentence and file of what modules, with the names that a page chooses of each, offer."""
+    rows = []
+    for name, chosen in modules:
+        for key, found in public(importlib.import_module(name), re.findall(r"\w+", chosen)):
+            file = Path(sys.modules[found.__module__].__file__).resolve().relative_to(ROOT).as_posix()
+            rows.append((code(f"{name}.{key}"), FIRST.split(summary(found))[0], f"[{file}](../../{file})"))
+    return table(("Name", "What it is", "File"), rows)

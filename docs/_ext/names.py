@@ -19,37 +19,28 @@ def engines() -> str:
 
 
 def shaders() -> str:
-    return _choices("Shader", SHADERS)
+    return paragraphs([_options("Shader", SHADERS), _of_engines("Shader", "Also in {}:")])
 
 
 def samplers() -> str:
-    return _choices("Sampler", SAMPLERS)
+    return paragraphs([_options("Sampler", SAMPLERS), _of_engines("Sampler", "Also in {}:")])
 
 
 def accelerators() -> str:
-    found = _by_engines("Accelerator", lambda made: made.accelerators())
-    return paragraphs(f"### {', '.join(names)}\n\n{shown}" for shown, names in found.items())
+    return _of_engines("Accelerator", "### {}")
 
 
 def tone_mappers() -> str:
     return ", ".join(map(code, TONE_MAPPERS)) + "."
 
 
-def _choices(kind: str, choices) -> str:
-    """The choices of all engines, then those that single engines bring."""
-    found = _by_engines(kind, lambda made: getattr(made, f"{kind.lower()}s", dict)())
-    return paragraphs(
-        [_options(kind, choices), *(f"Also in {', '.join(map(code, names))}:\n\n{shown}" for shown, names in found.items())]
-    )
-
-
-def _by_engines(kind: str, choices_of) -> dict[str, list[str]]:
-    """Tables of what engines offer, each with the engines that offer it."""
+def _of_engines(kind: str, head: str) -> str:
+    """What single engines bring: a table for those that bring the same, below their names."""
     found: dict[str, list[str]] = {}
     for name in engine_names():
-        if choices := choices_of(engine(name)):
+        if choices := getattr(engine(name), f"{kind.lower()}s", dict)():
             found.setdefault(_options(kind, choices), []).append(name)
-    return found
+    return paragraphs(f"{head.format(', '.join(names))}\n\n{shown}" for shown, names in found.items())
 
 
 def _options(kind: str, choices) -> str:
