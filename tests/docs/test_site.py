@@ -13,7 +13,7 @@ from tests.docs.pages import FRONT, PAGES, TEXT
 
 DOCS = ROOT / "docs"
 LINK = re.compile(r"!?\[[^\]]*\]\(<?([^)\s>]+)>?(?:\s+\"[^\"]*\")?\)")
-WIDE = ("index", "how/verdicts", "reference/names", "reference/experiment", "reference/api/interface")
+WIDE = ("index", "how/verdicts", "reference/names", "reference/experiment", "reference/api", "reference/api/interface")
 """Pages with pictures, formulas, wide tables and long signatures."""
 TOCTREE = re.compile(r"^```\{toctree\}\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
