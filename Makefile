@@ -8,7 +8,7 @@ ARGS ?=
 , := ,
 
 .DELETE_ON_ERROR:
-.PHONY: help bench test test-slow fuzz microbench speed baseline renderers chapter chapter-text figures lint docs docs-pictures clean
+.PHONY: help bench test test-slow fuzz microbench speed baseline renderers chapter chapter-text figures lint docs reference docs-pictures clean
 
 help:
 	@echo "make bench       install, run configs/quick.yaml into $(OUT), say where the report is"
@@ -17,6 +17,7 @@ help:
 	@echo "make fuzz        read a thousand damaged scenes, meshes, glTF files, images, configs and events each (ARGS='--seed 2')"
 	@echo "make lint        ruff and pyright"
 	@echo "make docs        build the documentation: docs/_build/html/index.html, to be opened from there"
+	@echo "make reference   write what docs/reference has from the code, after a change of keys, commands, columns or names"
 	@echo "make docs-pictures  make its pictures anew (many minutes)"
 	@echo "make microbench  time the parts: tests/benchmarks"
 	@echo "make speed       paths per second of numba, embree and Mitsuba on this machine, and their ratios (five minutes)"
@@ -75,6 +76,9 @@ figures: .venv/.installed
 docs: .venv/.installed-docs
 	@$(BIN)/python -m sphinx -q -W --keep-going -j auto docs docs/_build/html $(ARGS)
 	@echo "The documentation: $(CURDIR)/docs/_build/html/index.html"
+
+reference: .venv/.installed
+	@$(BIN)/python -m docs._ext.reference
 
 docs-pictures: .venv/.installed-test
 	@$(BIN)/raybench run configs/quick.yaml --out results/quick

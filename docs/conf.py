@@ -4,14 +4,15 @@ import sys
 from importlib.metadata import version as version_of
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent / "_ext"))
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
 project = "raybench"
 author = "the raybench authors"
 version = release = version_of("raybench")
 html_title = f"raybench {version}"
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx_copybutton", "generated", "mathml", "signatures"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx_copybutton"]
+extensions += ["docs._ext.mathml", "docs._ext.reports", "docs._ext.signatures"]
 exclude_patterns = ["_build"]
 nitpicky = True
 nitpick_ignore_regex = [("py:.*", r"(?!engines\.).*")]  # other projects' names; their pages are not fetched

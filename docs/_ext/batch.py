@@ -6,9 +6,8 @@ from collections.abc import Iterator
 from itertools import groupby
 from pathlib import Path
 
-from markdown import code, table
-
 import engines
+from docs._ext.markdown import code, table
 from engines.kernels.layout import RayBatch
 
 ROOT = Path(engines.__file__).parent

@@ -2,8 +2,7 @@
 
 from pathlib import Path
 
-from markdown import code, plain, table
-
+from docs._ext.markdown import code, paragraphs, plain, table
 from harness.analysis import analyse, frames, measurements
 from harness.analysis.columns import ESTIMATES
 from harness.metrics import METRIC_MEANINGS
@@ -49,7 +48,7 @@ def text() -> str:
     parts += [table(("Column", "Meaning"), [(code(key), plain(value)) for key, value in METRIC_MEANINGS.items()])]
     parts += ["## For people", "Each as `.csv`, `.md` and `.tex` in `tables/`."]
     parts += [_section(each.name, each) for each in people]
-    return "\n\n".join(parts)
+    return paragraphs(parts)
 
 
 def _section(name: str, found) -> str:

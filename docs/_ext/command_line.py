@@ -1,8 +1,8 @@
 """The command line, from the application itself: every command with its arguments and options."""
 
 import typer
-from markdown import code, plain, table
 
+from docs._ext.markdown import code, paragraphs, plain, table
 from harness.cli import app
 
 
@@ -19,11 +19,11 @@ def text() -> str:
         for head, params in (("Argument", arguments), ("Option", options)):
             if params:
                 parts.append(table((head, "Meaning", "Default"), map(_row, params)))
-    return "\n\n".join(parts)
+    return paragraphs(parts)
 
 
 def _argument(param) -> str:
-    word = (param.metavar or param.name).upper() + ("..." if param.nargs != 1 else "")
+    word = (param.metavar or param.name).upper().removesuffix("...") + ("..." if param.nargs != 1 else "")
     return word if param.required else f"[{word}]"
 
 
@@ -31,8 +31,9 @@ def _row(param) -> tuple[str, str, str]:
     """Name, meaning and default. A default that is no value is given in words, as `show_default`."""
     meaning, default = param.help or "", param.show_default if isinstance(param.show_default, str) else ""
     if not default and not getattr(param, "is_flag", False):
-        default = "required" if param.required else str(param.default or "")
+        default = "required" if param.required else "" if param.default is None else str(param.default)
     if param.param_type_name == "argument":
         return code(_argument(param)), plain(meaning), plain(default)
     value = "" if param.is_flag else " " + (param.metavar or param.name.upper())
-    return ", ".join(code(name) for name in [*param.opts[:-1], param.opts[-1] + value]), plain(meaning), plain(default)
+    names = [*param.opts[:-1], param.opts[-1] + value, *param.secondary_opts]
+    return ", ".join(map(code, names)), plain(meaning), plain(default)

@@ -1,5 +1,6 @@
-"""Markdown of plain text and tables."""
+"""Markdown of plain text, docstrings and tables, as code hosts and Sphinx read it."""
 
+import inspect
 import re
 from collections.abc import Iterable, Sequence
 
@@ -7,7 +8,12 @@ from collections.abc import Iterable, Sequence
 def plain(text: str) -> str:
     """Text that Markdown leaves as it is, but for what stands in backticks."""
     pieces = re.split(r"(`[^`]*`)", " ".join(text.split()))
-    return "".join(piece if piece.startswith("`") else re.sub(r"([\\*_<>\[\]${}|#~^])", r"\\\1", piece) for piece in pieces)
+    return "".join(each if each.startswith("`") else re.sub(r"[\\*<|$~]|(?<!\w)_|_(?!\w)", r"\\\g<0>", each) for each in pieces)
+
+
+def summary(found: object) -> str:
+    """The first paragraph of a docstring."""
+    return plain((inspect.getdoc(found) or "").split("\n\n")[0])
 
 
 def code(text: object) -> str:
@@ -18,5 +24,9 @@ def code(text: object) -> str:
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """A table of cells that are Markdown already."""
-    lines = [f"| {' | '.join(heads)} |", f"|{' --- |' * len(heads)}"]
-    return "\n".join([*lines, *(f"| {' | '.join(row)} |" for row in rows)]) + "\n"
+    return "\n".join(f"| {' | '.join(row)} |" for row in (heads, ["---"] * len(heads), *rows))
+
+
+def paragraphs(parts: Iterable[str]) -> str:
+    """Headings, paragraphs and tables one below the other, without those that are empty."""
+    return "\n\n".join(filter(None, parts))

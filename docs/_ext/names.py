@@ -1,10 +1,8 @@
 """Engines, shaders, samplers, accelerators and tone mappers: what the registry and the tables of options say."""
 
-import inspect
 import json
 
-from markdown import code, plain, table
-
+from docs._ext.markdown import code, paragraphs, plain, summary, table
 from engines import engine, engine_names
 from engines.choices import SAMPLERS, SHADERS
 from engines.tonemap import TONE_MAPPERS
@@ -16,32 +14,33 @@ def engines() -> str:
     for name in engine_names():
         made = engine(name)
         made = getattr(made, "local", made)  # of an engine in a process of its own, its own class
-        rows.append((code(name), plain((inspect.getdoc(made) or "").split("\n\n")[0])))
+        rows.append((code(name), summary(made)))
     return table(("Engine", "What it is"), rows)
 
 
 def shaders() -> str:
-    return _options("Shader", SHADERS)
+    return paragraphs([_options("Shader", SHADERS), _of_engines("Shader", "Also in {}:")])
 
 
 def samplers() -> str:
-    parts = [_options("Sampler", SAMPLERS)]
-    for name in engine_names():
-        own = getattr(engine(name), "samplers", dict)()
-        if own:
-            parts += [f"\n{code(name)} alone has\n", _options("Sampler", own)]
-    return "\n".join(parts)
+    return paragraphs([_options("Sampler", SAMPLERS), _of_engines("Sampler", "Also in {}:")])
 
 
 def accelerators() -> str:
-    parts = []
-    for name in engine_names():
-        parts += [f"### {name}\n", _options("Accelerator", engine(name).accelerators())]
-    return "\n".join(parts)
+    return _of_engines("Accelerator", "### {}")
 
 
 def tone_mappers() -> str:
     return ", ".join(map(code, TONE_MAPPERS)) + "."
+
+
+def _of_engines(kind: str, head: str) -> str:
+    """What single engines bring: a table for those that bring the same, below their names."""
+    found: dict[str, list[str]] = {}
+    for name in engine_names():
+        if choices := getattr(engine(name), f"{kind.lower()}s", dict)():
+            found.setdefault(_options(kind, choices), []).append(name)
+    return paragraphs(f"{head.format(', '.join(names))}\n\n{shown}" for shown, names in found.items())
 
 
 def _options(kind: str, choices) -> str:
@@ -49,9 +48,9 @@ def _options(kind: str, choices) -> str:
     for name, options in choices.items():
         shown = code(name)
         for key, option in options.items():
-            values = plain(option.check(object()) or "").replace("True, False", "true, false")
+            values = plain(option.check(object()) or "").replace("True", "true").replace("False", "false")
             rows.append((shown, code(key), code(json.dumps(option.default)), plain(option.meaning), values))
             shown = ""
         if not options:
-            rows.append((shown, "none", "", "", ""))
+            rows.append((shown, "no option", "", "", ""))
     return table((kind, "Option", "Default", "Meaning", "Values"), rows)

@@ -1,10 +1,15 @@
-"""Reports of the results that lie in the repository, and the chapter about them, as pages of the site: reports/NAME.html."""
+"""Reports of the results that lie in the repository, and the chapter about them, as pages of the site: reports/NAME.html.
+
+A page links to them by a mark of `MARKS`, which is filled in the site alone, as every mark without an end is.
+"""
 
 import os
 import shutil
 import tempfile
+from functools import partial
 from pathlib import Path
 
+from docs._ext.reference import MAKERS, MARK
 from harness.report import write_derived
 from harness.store import events_file
 
@@ -52,3 +57,17 @@ def _write(folder: Path, page: Path) -> None:
     with tempfile.TemporaryDirectory() as scratch:
         copy = shutil.copytree(folder, Path(scratch, folder.name), ignore=shutil.ignore_patterns("plots", "tables"))
         shutil.copyfile(write_derived(copy), page)
+
+
+MARKS = MAKERS | {"reports": links, "report of the race": partial(links, "renderers"), "chapter": partial(links, "chapter")}
+
+
+def fill(app, page, source) -> None:
+    """Fills the marks of a page that have no end."""
+    source[0] = MARK.sub(lambda mark: mark[0] if mark[3] else MARKS[mark[2]]() + "\n", source[0])
+
+
+def setup(app):
+    app.connect("source-read", fill)
+    app.connect("build-finished", write)
+    return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}

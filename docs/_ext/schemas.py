@@ -2,8 +2,7 @@
 
 import json
 
-from markdown import code, plain, table
-
+from docs._ext.markdown import code, paragraphs, plain, table
 from engines.scene import scene_schema
 from harness.config import experiment_schema
 from harness.config.settings import SETTINGS
@@ -26,41 +25,42 @@ def experiment() -> str:
     for name, each in sections.items():
         if name not in ("exclude", "include"):
             parts += [f"## {name}", plain(each["description"]), _keys(each.get("items", each))]
-    return "\n\n".join(parts)
+    return paragraphs(parts)
 
 
 def scene() -> str:
-    """A table for the file, and one for every kind of camera, material, shape and light."""
+    """A table for the file, and one for every kind of camera, texture, material, shape and light, and for media."""
     keys = scene_schema()["properties"]
     parts = ["## The file", _keys(scene_schema()), "## Cameras"]
     for camera in keys["camera"]["anyOf"]:
-        kind = camera["properties"]["type"].get("const", "module:attribute")
-        parts += [f"### {kind}", plain(camera["description"]), _keys(camera, leave="type")]
+        parts += _kind(camera["properties"]["type"].get("const", "module:attribute"), camera, leave="type")
     parts += ["## Textures", "Each is `NAME: {...}`, with the keys of one of these kinds."]
     for body in keys["textures"]["additionalProperties"]["anyOf"]:
-        parts += [f"### {next(iter(body['properties']))}", plain(body["description"]), _keys(body)]
-        inner = [each for each in body["properties"].values() if _inside(each)]
-        parts += [_keys(each) for each in inner]
+        parts += _kind(next(iter(body["properties"])), body)
+        parts += [_keys(each) for each in body["properties"].values() if _inside(each)]
     material = keys["materials"]["additionalProperties"]
-    parts += ["## Materials", _keys(material)]
+    parts += ["## Materials", "Each is `NAME: {...}`.", _keys(material)]
     for kind, body in material["properties"].items():
         if "properties" in body and kind != "plugin":
-            parts += [f"### {kind}", plain(body["description"].removeprefix(INSTEAD)), _keys(body)]
+            parts += _kind(kind, body)
     parts += ["## Shapes", "Each is `{KIND: {...}, material: NAME}`, with one of these kinds."]
-    procedural = []
-    for kind, body in _kinds(keys["shapes"]):
-        if kind == "procedural":
-            procedural = body["anyOf"]
-        else:
-            parts += [f"### {kind}", plain(body["description"]), _keys(body)]
+    shapes = dict(_kinds(keys["shapes"]))
+    procedural = shapes.pop("procedural")["anyOf"]
+    for kind, body in shapes.items():
+        parts += _kind(kind, body)
     parts += ["## Procedural shapes", "Each is `{procedural: {name: NAME, ...}, material: NAME}`."]
     for body in procedural:
-        name = body["properties"]["name"]["const"]
-        parts += [f"### {name}", plain(body["description"]), _keys(body, leave="name")]
+        parts += _kind(body["properties"]["name"]["const"], body, leave="name")
     parts += ["## Lights", "Each is `{KIND: {...}}`, with one of these kinds. Shapes whose material emits are lights, too."]
     for kind, body in _kinds(keys["lights"]):
-        parts += [f"### {kind}", plain(body["description"]), _keys(body)]
-    return "\n\n".join(parts)
+        parts += _kind(kind, body)
+    medium = keys["media"]["additionalProperties"]
+    return paragraphs([*parts, "## Media", "Each is `NAME: {...}`.", plain(medium["description"]), _keys(medium)])
+
+
+def _kind(name: str, body, leave: str = "") -> list[str]:
+    """The section of a kind: what it is, and its keys."""
+    return [f"### {name}", plain(body["description"].removeprefix(INSTEAD)), _keys(body, leave)]
 
 
 def _kinds(schema):

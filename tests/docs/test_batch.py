@@ -1,11 +1,11 @@
 """Who writes which field of a ray batch, as the table in the docs has it."""
 
-import sys
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+from docs._ext import batch
+
 SURFACE, LIGHT = {"hit_loads", "surface"}, {"light", "light_cells", "light_frames", "light_hierarchy", "resampling"}
 RECORDS = {
     "hit": SURFACE | {"emission", "material"} | {"flight"},
@@ -27,12 +27,6 @@ RECORDS = {
 @pytest.fixture(scope="module")
 def writers():
     """Field -> names of the modules that write it."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(ROOT / "docs" / "_ext")
-        patch.delitem(sys.modules, "markdown", raising=False)
-        import batch
-
-        del sys.modules["batch"], sys.modules["markdown"]  # the names of others' modules, too
     found = batch.writers()
     return {path: {Path(name).name for name in found[path]} for path in batch.paths()}
 

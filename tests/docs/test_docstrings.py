@@ -8,22 +8,10 @@ from dataclasses import is_dataclass
 import pytest
 
 import engines
-from tests.docs.blocks import ROOT
+from docs._ext.library import API, public
 from tests.test_layout import PUBLIC
 
-API = ROOT / "docs/reference/api"
 SHOWN = sorted({name for page in API.glob("*.md") for name in re.findall(r"automodule:: ([\w.]+)", page.read_text())})
-
-
-def own(module):
-    """Name and object of what a module lists in `__all__`, else defines, without a leading underscore."""
-    names = getattr(module, "__all__", None) or [
-        name for name, found in vars(module).items() if getattr(found, "__module__", None) == module.__name__
-    ]
-    for name in names:
-        found = getattr(module, name)
-        if not name.startswith("_") and callable(found):
-            yield name, found
 
 
 def without_words(name, found):
@@ -43,11 +31,11 @@ def without_words(name, found):
 def test_every_public_name_has_a_docstring(module):
     found = importlib.import_module(module)
     assert found.__doc__, module
-    assert [lack for name, each in own(found) for lack in without_words(f"{module}.{name}", each)] == []
+    assert [lack for name, each in public(found) for lack in without_words(f"{module}.{name}", each)] == []
 
 
 def test_the_reference_shows_every_name_of_the_library():
-    shown = {name for module in SHOWN for name, _ in own(importlib.import_module(module))}
+    shown = {name for module in SHOWN for name, _ in public(importlib.import_module(module))}
     assert set(engines.__all__) - {"register_tone_mapper"} <= shown
 
 
