@@ -18,10 +18,26 @@ SCENES = DOCS.parent / "scenes"
 PICTURES = DOCS / "pictures" / "gallery"
 HEAD = """# Gallery
 
-Every YAML file in `scenes/`, rendered by the path tracer. Commands and configs name a scene by its bare name. Not shown:
-`scenes/mobilert/`, three scenes whose meshes are not ours to ship and a variant of `mobilert_cornell`; `scenes/scaling/`, a
-ball of triangles and a sphereflake, each in five sizes; and `scenes/lantern.xml`, a scene in Mitsuba's format. `python
-docs/pictures/gallery.py` makes all pictures.
+This page shows every scene in `scenes/` that you can name without a path. Choose one by your question:
+
+- a first comparison in seconds: `cornell_box`, `two_spheres`
+- the same image from numba, Mitsuba, LuxCore and Cycles: `study`, whose materials all four support
+- furnished rooms, for timing: `living_room`, `hall`, `classroom`
+- which light to sample: `many_lights`, `veach_plates`; path guiding: `door`
+- accelerators: `teapot_stadium` and Haines' scenes (`gears`, `lattice`, `mount`, `rings`, `sphereflake`, `tetra`, `tree`)
+- correctness: `furnace`, whose every pixel is 1
+
+The comment on top of a scene's file says more about it. Scenes without a source were made for raybench. `scenes/` also contains
+the folders `mobilert` (three scenes need meshes that raybench cannot ship), `scaling` (two scenes in five sizes) and
+`disagreements` ([scenes on which renderers differ](how/where_renderers_differ.md)), and `lantern.xml`, a Mitsuba scene.
+
+## Furnished scenes
+
+The caption says how many samples per pixel each picture has. This command makes the first one:
+
+```console no-run: a picture of this size takes minutes
+$ {}
+```
 """
 FURNISHED = {
     "living_room": 256,
@@ -57,19 +73,19 @@ TEST_SCENES = """## Test scenes
 
 {}
 
-The small pictures are made by commands like this one, with the samples per pixel of the table,
+Commands like this one make the small pictures, with the samples per pixel in the table. Exceptions are
 {}.
 
 ```console with --engine numba --precision float64 --size 48x32 --spp 2 -o cornell_box.png
 $ {}
 ```
 
-| scene | what it is | samples |
+| scene | content | samples |
 | --- | --- | ---: |
 {}
 
-The port of Dahlquist's own program draws this picture of `dahlquist`, equal to the original's byte for byte. Behind the balls
-it has an image where the path tracer sees the sky:
+The port of Dahlquist's program draws this picture of `dahlquist`, byte for byte equal to the original. Behind
+the balls it shows an image where the path tracer sees the sky:
 
 ![the port](pictures/gallery/dahlquist_port.png)
 
@@ -90,15 +106,15 @@ def command(name: str) -> list[str]:
 
 
 def words(name: str) -> str:
-    """The comment on top of a scene's file."""
+    """The first sentence of the comment on top of a scene's file."""
     lines = (SCENES / f"{name}.yaml").read_text(encoding="utf-8").splitlines()
-    return " ".join(line.lstrip("# ") for line in lines[: next(i for i, line in enumerate(lines) if line[:1] != "#")])
+    text = " ".join(line.lstrip("# ") for line in lines[: next(i for i, line in enumerate(lines) if line[:1] != "#")])
+    return re.split(r"(?<=[a-z0-9)])\. (?=[A-Z0-9])", text)[0].removesuffix(".") + "."
 
 
 def furnished(name: str) -> str:
-    fence = "console no-run: a picture of this size takes minutes"
     picture = f"![{name}](pictures/gallery/{name}.jpg)"
-    return f"## {name}\n\n{picture}\n\n{words(name)}\n\n```{fence}\n$ {' '.join(command(name))}\n```\n"
+    return f"### {name}\n\n{picture}\n\n{words(name)} {FURNISHED[name]} samples.\n"
 
 
 def test_scenes(names: list[str]) -> str:
@@ -131,10 +147,14 @@ def keep(made: Path) -> None:
         picture.save(PICTURES / made.name, optimize=True)
 
 
+def page(names: list[str]) -> str:
+    head = HEAD.format(" ".join(command(next(iter(FURNISHED)))))
+    return "\n".join([head, *map(furnished, FURNISHED), test_scenes([name for name in names if name not in FURNISHED])])
+
+
 def main(wanted: list[str]) -> None:
     names = sorted(file.stem for file in SCENES.glob("*.yaml"))
-    page = [HEAD, *map(furnished, FURNISHED), test_scenes([name for name in names if name not in FURNISHED])]
-    (DOCS / "gallery.md").write_text("\n".join(page), encoding="utf-8")
+    (DOCS / "gallery.md").write_text(page(names), encoding="utf-8")
     PICTURES.mkdir(exist_ok=True)
     for name in wanted or names:
         draw(command(name))
