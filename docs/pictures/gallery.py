@@ -68,21 +68,20 @@ OPTIONS = {
 }
 """Of pictures that are made in another way: hardly any light passes the door; the other's light hangs a centimetre below the
 ceiling, and no path finds that spot in time."""
-COLUMNS = 4
 TEST_SCENES = """## Test scenes
 
+| picture | scene | content |
+| :---: | --- | --- |
 {}
 
-Commands like this one make the small pictures, with the samples per pixel in the table. Exceptions are
-{}.
+This command makes the first of these pictures:
 
 ```console with --engine numba --precision float64 --size 48x32 --spp 2 -o cornell_box.png
 $ {}
 ```
 
-| scene | content | samples |
-| --- | --- | ---: |
-{}
+The pictures have 256 samples per pixel, except: {}. Two are made in another way:
+{}.
 
 The port of Dahlquist's program draws this picture of `dahlquist`, byte for byte equal to the original. Behind
 the balls it shows an image where the path tracer sees the sky:
@@ -118,16 +117,11 @@ def furnished(name: str) -> str:
 
 
 def test_scenes(names: list[str]) -> str:
-    """A grid of pictures above their names, and what each scene is."""
-    rows = []
-    for start in range(0, len(names), COLUMNS):
-        row = names[start : start + COLUMNS]
-        pictures = [f"![{name}](pictures/gallery/{name}.png)" for name in row]
-        rows += [pictures, *([[":---:"] * COLUMNS] if start == 0 else []), [f"`{name}`" for name in row]]
-    grid = "\n".join("| " + " | ".join(row + [""] * (COLUMNS - len(row))) + " |" for row in rows)
-    table = "\n".join(f"| `{name}` | {words(name)} | {SAMPLES.get(name, 256)} |" for name in names)
+    """A table of pictures and of what each scene is."""
+    rows = [f"| ![{name}](pictures/gallery/{name}.png) | `{name}` | {words(name)} |" for name in names]
+    samples = ", ".join(f"{count} of `{name}`" for name, count in SAMPLES.items())
     others = ", and\n".join(f"`{name}` with `{shlex.join(options)}`" for name, options in OPTIONS.items())
-    return TEST_SCENES.format(grid, others, " ".join(command("cornell_box")), table, PORT_COMMAND)
+    return TEST_SCENES.format("\n".join(rows), " ".join(command("cornell_box")), samples, others, PORT_COMMAND)
 
 
 def draw(line: list[str]) -> None:
