@@ -1,4 +1,4 @@
-"""python -m tests.benchmarks.lanes: what the habits of a shader cost, as ratios of one run. docs/extend/shader.md has the rules."""
+"""python -m tests.benchmarks.lanes: what the habits of a shader cost, as ratios of one run (docs/extend/shader.md)."""
 
 import math
 import time

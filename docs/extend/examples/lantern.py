@@ -11,7 +11,7 @@ def render(corners, colors, eye, right, up, forward, window, width, height, samp
         x, y = low_x + x / width * (high_x - low_x), high_y - y / height * (high_y - low_y)
         towards = forward + x[..., None] * right + y[..., None] * up
         nearest, image = np.full((height, width), np.inf), np.zeros((height, width, 3))
-        for (a, b, c), color in zip(corners, colors):
+        for (a, b, c), color in zip(corners, colors, strict=True):
             p, q = np.cross(towards, c - a), np.cross(eye - a, b - a)
             with np.errstate(all="ignore"):
                 u, v, t = np.stack([p @ (eye - a), towards @ q, np.full(x.shape, q @ (c - a))]) / (p @ (b - a))
