@@ -70,8 +70,8 @@ OPTIONS = {
 ceiling, and no path finds that spot in time."""
 TEST_SCENES = """## Test scenes
 
-| picture | scene | content |
-| :---: | --- | --- |
+| scene | content |
+| :---: | --- |
 {}
 
 This command makes the first of these pictures:
@@ -118,7 +118,7 @@ def furnished(name: str) -> str:
 
 def test_scenes(names: list[str]) -> str:
     """A table of pictures and of what each scene is."""
-    rows = [f"| ![{name}](pictures/gallery/{name}.png) | `{name}` | {words(name)} |" for name in names]
+    rows = [f"| ![{name}](pictures/gallery/{name}.png)<br>`{name}` | {words(name)} |" for name in names]
     samples = ", ".join(f"{count} of `{name}`" for name, count in SAMPLES.items())
     others = ", and\n".join(f"`{name}` with `{shlex.join(options)}`" for name, options in OPTIONS.items())
     return TEST_SCENES.format("\n".join(rows), " ".join(command("cornell_box")), samples, others, PORT_COMMAND)
