@@ -18,10 +18,26 @@ SCENES = DOCS.parent / "scenes"
 PICTURES = DOCS / "pictures" / "gallery"
 HEAD = """# Gallery
 
-Every YAML file in `scenes/`, rendered by the path tracer. Commands and configs name a scene by its bare name. Not shown:
-`scenes/mobilert/`, three scenes whose meshes are not ours to ship and a variant of `mobilert_cornell`; `scenes/scaling/`, a
-ball of triangles and a sphereflake, each in five sizes; and `scenes/lantern.xml`, a scene in Mitsuba's format. `python
-docs/pictures/gallery.py` makes all pictures.
+This page shows every scene in `scenes/` that you can name without a path. Choose one by your question:
+
+- a first comparison in seconds: `cornell_box`, `two_spheres`
+- the same image from numba, Mitsuba, LuxCore and Cycles: `study`, whose materials all four support
+- furnished rooms, for timing: `living_room`, `hall`, `classroom`
+- which light to sample: `many_lights`, `veach_plates`; path guiding: `door`
+- accelerators: `teapot_stadium` and Haines' scenes (`gears`, `lattice`, `mount`, `rings`, `sphereflake`, `tetra`, `tree`)
+- correctness: `furnace`, whose every pixel is 1
+
+The comment on top of a scene's file says more about it. Scenes without a source were made for raybench. `scenes/` also contains
+the folders `mobilert` (three scenes need meshes that raybench cannot ship), `scaling` (two scenes in five sizes) and
+`disagreements` ([scenes on which renderers differ](how/where_renderers_differ.md)), and `lantern.xml`, a Mitsuba scene.
+
+## Furnished scenes
+
+The caption says how many samples per pixel each picture has. This command makes the first one:
+
+```console no-run: a picture of this size takes minutes
+$ {}
+```
 """
 FURNISHED = {
     "living_room": 256,
@@ -52,24 +68,23 @@ OPTIONS = {
 }
 """Of pictures that are made in another way: hardly any light passes the door; the other's light hangs a centimetre below the
 ceiling, and no path finds that spot in time."""
-COLUMNS = 4
 TEST_SCENES = """## Test scenes
 
+| scene | content |
+| :---: | --- |
 {}
 
-The small pictures are made by commands like this one, with the samples per pixel of the table,
-{}.
+This command makes the first of these pictures:
 
 ```console with --engine numba --precision float64 --size 48x32 --spp 2 -o cornell_box.png
 $ {}
 ```
 
-| scene | what it is | samples |
-| --- | --- | ---: |
-{}
+The pictures have 256 samples per pixel, except: {}. Two are made in another way:
+{}.
 
-The port of Dahlquist's own program draws this picture of `dahlquist`, equal to the original's byte for byte. Behind the balls
-it has an image where the path tracer sees the sky:
+The port of Dahlquist's program draws this picture of `dahlquist`, byte for byte equal to the original. Behind
+the balls it shows an image where the path tracer sees the sky:
 
 ![the port](pictures/gallery/dahlquist_port.png)
 
@@ -90,28 +105,23 @@ def command(name: str) -> list[str]:
 
 
 def words(name: str) -> str:
-    """The comment on top of a scene's file."""
+    """The first sentence of the comment on top of a scene's file."""
     lines = (SCENES / f"{name}.yaml").read_text(encoding="utf-8").splitlines()
-    return " ".join(line.lstrip("# ") for line in lines[: next(i for i, line in enumerate(lines) if line[:1] != "#")])
+    text = " ".join(line.lstrip("# ") for line in lines[: next(i for i, line in enumerate(lines) if line[:1] != "#")])
+    return re.split(r"(?<=[a-z0-9)])\. (?=[A-Z0-9])", text)[0].removesuffix(".") + "."
 
 
 def furnished(name: str) -> str:
-    fence = "console no-run: a picture of this size takes minutes"
     picture = f"![{name}](pictures/gallery/{name}.jpg)"
-    return f"## {name}\n\n{picture}\n\n{words(name)}\n\n```{fence}\n$ {' '.join(command(name))}\n```\n"
+    return f"### {name}\n\n{picture}\n\n{words(name)} {FURNISHED[name]} samples.\n"
 
 
 def test_scenes(names: list[str]) -> str:
-    """A grid of pictures above their names, and what each scene is."""
-    rows = []
-    for start in range(0, len(names), COLUMNS):
-        row = names[start : start + COLUMNS]
-        pictures = [f"![{name}](pictures/gallery/{name}.png)" for name in row]
-        rows += [pictures, *([[":---:"] * COLUMNS] if start == 0 else []), [f"`{name}`" for name in row]]
-    grid = "\n".join("| " + " | ".join(row + [""] * (COLUMNS - len(row))) + " |" for row in rows)
-    table = "\n".join(f"| `{name}` | {words(name)} | {SAMPLES.get(name, 256)} |" for name in names)
+    """A table of pictures and of what each scene is."""
+    rows = [f"| ![{name}](pictures/gallery/{name}.png)<br>`{name}` | {words(name)} |" for name in names]
+    samples = ", ".join(f"{count} of `{name}`" for name, count in SAMPLES.items())
     others = ", and\n".join(f"`{name}` with `{shlex.join(options)}`" for name, options in OPTIONS.items())
-    return TEST_SCENES.format(grid, others, " ".join(command("cornell_box")), table, PORT_COMMAND)
+    return TEST_SCENES.format("\n".join(rows), " ".join(command("cornell_box")), samples, others, PORT_COMMAND)
 
 
 def draw(line: list[str]) -> None:
@@ -131,10 +141,14 @@ def keep(made: Path) -> None:
         picture.save(PICTURES / made.name, optimize=True)
 
 
+def page(names: list[str]) -> str:
+    head = HEAD.format(" ".join(command(next(iter(FURNISHED)))))
+    return "\n".join([head, *map(furnished, FURNISHED), test_scenes([name for name in names if name not in FURNISHED])])
+
+
 def main(wanted: list[str]) -> None:
     names = sorted(file.stem for file in SCENES.glob("*.yaml"))
-    page = [HEAD, *map(furnished, FURNISHED), test_scenes([name for name in names if name not in FURNISHED])]
-    (DOCS / "gallery.md").write_text("\n".join(page), encoding="utf-8")
+    (DOCS / "gallery.md").write_text(page(names), encoding="utf-8")
     PICTURES.mkdir(exist_ok=True)
     for name in wanted or names:
         draw(command(name))

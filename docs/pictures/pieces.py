@@ -1,6 +1,7 @@
-"""Draws the pieces of docs/guides/scene.md: python docs/pictures/pieces.py [NAME ...]
+"""Draws the pieces of docs/guides/scene.md and materials.md: python docs/pictures/pieces.py [NAME ...]
 
-A picture shows the YAML block below it: a whole scene as it is, a piece with a floor, an environment and an area light.
+A picture shows the YAML block below it: a whole scene as it is, a piece with a floor, an environment and an area light. A piece
+without shapes gets a ball.
 """
 
 import os
@@ -15,7 +16,7 @@ import yaml
 import engines
 
 PICTURES = Path(__file__).resolve().parent / "pieces"
-PAGE = PICTURES.parents[1] / "guides" / "scene.md"
+PAGES = [PICTURES.parents[1] / "guides" / name for name in ("scene.md", "materials.md")]
 BLOCK = re.compile(r"pieces/(\w+)\.png\)\n\n```yaml scene\n(.*?)```", re.DOTALL)
 WHOLE = re.compile(r"```yaml (\w+)\.yaml\n(raybench_scene.*?)```", re.DOTALL)
 SCRIPT = re.compile(r"```python\n(.*?)```", re.DOTALL)
@@ -34,7 +35,10 @@ DUSK = {"environment": {"radiance": [0.02, 0.025, 0.035]}}
 
 def staged(piece: dict[str, Any]) -> dict[str, Any]:
     """A whole scene around a piece of one."""
-    shapes, own = list(piece["shapes"]), piece.get("materials", {})
+    own = piece.get("materials", {})
+    radius = 0.7 if "lights" in piece else 0.8
+    ball = {"sphere": {"center": [0, radius, 0], "radius": radius}, "material": next(iter(own), "grey")}
+    shapes = list(piece.get("shapes", [ball]))
     if not any("plane" in shape for shape in shapes):
         shapes.append(FLOOR)
     lights = piece.get("lights")
@@ -54,7 +58,7 @@ def staged(piece: dict[str, Any]) -> dict[str, Any]:
 
 
 def main(wanted: list[str]) -> None:
-    page = PAGE.read_text(encoding="utf-8")
+    page = "\n".join(page.read_text(encoding="utf-8") for page in PAGES)
     for script in SCRIPT.findall(page):  # it writes the files that pieces name
         exec(script)
     given = {name: yaml.safe_load(text) for name, text in WHOLE.findall(page)}

@@ -21,6 +21,7 @@ and `configs/` (and, where the page names it, a copy of `results/baseline`); all
 Lines of a console block below a command are its output, or some of it: each must be printed, in that order. Any number
 stands for any other, any white space for any other, and a line `...` (or `...` within a line) for whatever there is.
 A python block that is followed by a ```text printed block must print that, by the same rules.
+A page that shows a file by ```{literalinclude} examples/NAME.py has that file in the folder.
 
 The tests of all pages together may take a minute on two cores with nothing compiled: use images of 48x32 and 2 samples a
 pixel (`with --size 48x32 --spp 2`, `with --set repeats=1 --set remeasure=0 --set reference.certify=null`: beside other tests

@@ -1,5 +1,6 @@
 """The pages, and how a reader follows one from top to bottom."""
 
+import re
 import shutil
 from pathlib import Path
 
@@ -13,10 +14,14 @@ PAGES = [*FRONT, *sorted((ROOT / "docs").glob("[!_]*/**/*.md")), *sorted((ROOT /
 TEXT = {page.relative_to(ROOT).as_posix(): page.read_text(encoding="utf-8") for page in PAGES}
 RUN = [name for name, text in TEXT.items() if any(block.runs for block in blocks(text))]
 """Pages on which something runs."""
+EXAMPLE = re.compile(r"^```\{literalinclude\} (examples/\w+\.py)$", re.MULTILINE)
+"""A file that a page shows; it lies beside what runs."""
 
 
 def follow(page: str, folder: Path) -> None:
     """Runs what a page shows, in `folder`, which has what a reader of the page has."""
+    for name in EXAMPLE.findall(TEXT[page]):
+        shutil.copy((ROOT / page).parent / name, folder)
     for name in ("scenes", "configs"):
         (folder / name).symlink_to(ROOT / name)
     if "results/baseline" in TEXT[page]:

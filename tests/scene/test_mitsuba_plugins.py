@@ -11,8 +11,11 @@ from tests.needs import needs
 from tests.scene.mitsuba_files import LAMP, SENSOR, refusal, scene
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "guides" / "mitsuba_scenes.md"
-ROW = re.compile(r"^\| (\w+) \| `(\w+)` \| (\w+) \|", re.MULTILINE)
-TABLE = {(kind, name): said for kind, name, said in ROW.findall(PAGE.read_text(encoding="utf-8"))}
+ROW = re.compile(r"^\| (\w+) \| (\w+) \| (`.+) \|$", re.MULTILINE)
+NAME = re.compile(r"`(\w+)`")
+TABLE = {
+    (kind, name): said for kind, said, names in ROW.findall(PAGE.read_text(encoding="utf-8")) for name in NAME.findall(names)
+}
 REGISTRIES = {
     "shape": ({**shapes.SHAPES, **dict.fromkeys(shapes.GROUPS)}, shapes.REFUSED),
     "bsdf": (bsdfs.BSDFS, bsdfs.REFUSED),

@@ -1,7 +1,7 @@
 """What an adapter for an existing renderer is written with: base classes of its engine and renderer, meshes, camera, seeds.
 
 A renderer with a Python API that returns images needs two small classes, `AdapterEngine` and `ImageRenderer`; the film, passes,
-stopping, updates, counters and the choice of settings come with them. See docs/extend/peer.md.
+stopping, updates, counters and the choice of settings come with them. See docs/extend/engine.md.
 """
 
 from engines.peers.adapters.colors import mirror_share
