@@ -18,7 +18,7 @@ from engines.scene.lights import CustomLight, EnvironmentLight, Light
 from engines.scene.materials import Material
 from engines.scene.mesh import Mesh
 from engines.scene.models import Conductor, CustomBSDF
-from engines.scene.shapes import Shape
+from engines.scene.shapes import Instance, Shape, Single, groups_of
 from engines.scene.textures import ImageTexture
 from engines.source_files import OWN, code_files, digest
 
@@ -37,23 +37,37 @@ LATER = {
 
 def content_hash(camera: Camera, materials: Sequence[Material], shapes: Sequence[Shape], lights: Sequence[Light]) -> str:
     """sha256, in hexadecimal, over the camera without its resolution, the shapes in order with their materials by
-    value, and the lights in order. Materials that no shape uses do not count, and neither do a mesh's texture coordinates
-    and attributes where none of its materials looks at them."""
+    value (of an instance the group's shapes and the matrix), and the lights in order. Materials that no shape uses do not
+    count, and neither do a mesh's texture coordinates and attributes where none of its materials looks at them."""
     digest = hashlib.sha256(VERSION)
     _feed(digest, _camera(camera))
     values = [_material(material) for material in materials]
+    groups: dict[int, str] = {}
+    for group in groups_of(shapes):
+        hashed = hashlib.sha256()
+        for shape in group.shapes:
+            _feed_shape(hashed, shape, materials, values)
+        groups[id(group)] = hashed.hexdigest()
     for shape in shapes:
-        if isinstance(shape, Mesh):
-            _feed(digest, ["Mesh", shape.vertices, shape.faces, shape.normals, *_mesh_materials(shape, values)])
-            if shape.uvs is not None and any(materials[index].uses_uvs for index in np.unique(shape.materials)):
-                _feed(digest, ["uvs", shape.uvs])
-            if shape.attributes and (shown := set().union(*(materials[i].attributes for i in np.unique(shape.materials)))):
-                _feed(digest, ["attributes", {name: shape.attributes[name] for name in shown & shape.attributes.keys()}])
+        if isinstance(shape, Instance):
+            _feed(digest, ["Instance", groups[id(shape.group)], shape.matrix])
         else:
-            _feed(digest, [_fields(shape, {"material", "name"}), values[shape.material]])
+            _feed_shape(digest, shape, materials, values)
     for light in lights:
         _feed(digest, _part(light))
     return digest.hexdigest()
+
+
+def _feed_shape(digest: Any, shape: Single, materials: Sequence[Material], values: Sequence[list[Any]]) -> None:
+    """Adds a shape with its materials, whose `values` these are."""
+    if not isinstance(shape, Mesh):
+        _feed(digest, [_fields(shape, {"material", "name"}), values[shape.material]])
+        return
+    _feed(digest, ["Mesh", shape.vertices, shape.faces, shape.normals, *_mesh_materials(shape, values)])
+    if shape.uvs is not None and any(materials[index].uses_uvs for index in np.unique(shape.materials)):
+        _feed(digest, ["uvs", shape.uvs])
+    if shape.attributes and (shown := set().union(*(materials[i].attributes for i in np.unique(shape.materials)))):
+        _feed(digest, ["attributes", {name: shape.attributes[name] for name in shown & shape.attributes.keys()}])
 
 
 def _camera(camera: Camera) -> Any:

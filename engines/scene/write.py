@@ -24,7 +24,7 @@ from engines.scene.materials import Material
 from engines.scene.mesh import Mesh, SphereSet
 from engines.scene.models import Mixture
 from engines.scene.scene import FORMAT, Scene
-from engines.scene.shapes import Cylinder, Disk, Plane, Shape, Sphere, Triangle
+from engines.scene.shapes import Cylinder, Disk, Instance, Plane, Shape, Sphere, Triangle, groups_of
 from engines.scene.support import foreign
 from engines.scene.textures import IDENTITY, Checkerboard, ImageTexture, MeshAttribute, Texture
 from engines.scene.triple import BLACK, WHITE, Triple
@@ -69,16 +69,20 @@ def save_scene(scene: Scene, folder: str | PathLike[str]) -> Path:
 
 @dataclass(slots=True)
 class _Writer:
-    """The state of writing one scene: names that are taken, by kind, and the names of textures by identity."""
+    """The state of writing one scene: names that are taken, by kind, and the names of textures and groups by identity."""
 
     root: Path
     taken: dict[str, set[str]] = field(default_factory=dict)
     textures: dict[int, str] = field(default_factory=dict)
     tree: Keys = field(default_factory=dict)
+    groups: dict[int, str] = field(default_factory=dict)
 
     def scene(self, scene: Scene) -> Keys:
         names = [self.name("materials", material.name) for material in scene.materials]
         materials = {name: self.material(each) for name, each in zip(names, scene.materials, strict=True)}
+        shown = groups_of(scene.shapes)
+        self.groups = {id(group): self.name("groups", group.name) for group in shown}
+        groups = {self.groups[id(group)]: [self.shape(shape, names) for shape in group.shapes] for group in shown}
         shapes = [self.shape(shape, names) for shape in scene.shapes]
         keys = {
             "raybench_scene": FORMAT,
@@ -86,6 +90,7 @@ class _Writer:
             "camera": _camera(scene.camera),
             "textures": self.tree,
             "materials": materials,
+            "groups": groups,
             "shapes": shapes,
             "lights": [self.light(light) for light in scene.lights],
         }
@@ -179,6 +184,8 @@ class _Writer:
     def shape(self, shape: Shape, names: list[str]) -> Keys:
         if isinstance(shape, Mesh):
             return self.mesh(shape, names)
+        if isinstance(shape, Instance):
+            return {"instance": {"group": self.groups[id(shape.group)], "matrix": shape.matrix.tolist()}}
         if isinstance(shape, SphereSet):
             if len(shape.radii) > MOST_SPHERES:
                 raise ConfigError(f"{self.root}: a set of {len(shape.radii)} spheres: at most {MOST_SPHERES} can be written")
@@ -257,6 +264,7 @@ KNOWN: frozenset[type] = frozenset(
         *_SHAPES,
         Mesh,
         SphereSet,
+        Instance,
         PointLight,
         DirectionalLight,
         SpotLight,

@@ -10,7 +10,20 @@ import numpy as np
 from engines.peers.adapters.geometry import extent, pieces, two_sides
 from engines.peers.mitsuba.nodes import Array, Node, Placing
 from engines.peers.mitsuba.textures import Textures
-from engines.scene import Cylinder, Disk, Mesh, MeshAttribute, Plane, Scene, Shape, Sphere, SphereSet, Texture, Triangle
+from engines.scene import (
+    Cylinder,
+    Disk,
+    Instance,
+    Mesh,
+    MeshAttribute,
+    Plane,
+    Scene,
+    Shape,
+    Sphere,
+    SphereSet,
+    Texture,
+    Triangle,
+)
 from engines.scene.bsdf_tree import anisotropic, members, uses_uvs
 from engines.scene.frames import facing
 from engines.scene.shapes import as_mesh, as_spheres
@@ -54,6 +67,7 @@ def emission_lacks(scene: Scene) -> str | None:
     """One sentence on what Mitsuba does not support of the textures that surfaces emit, or None. It samples them through
     (u, v) in [0, 1], and misses all else."""
     for shape in scene.shapes:
+        assert not isinstance(shape, Instance), "declined before"
         indices = np.unique(shape.materials) if isinstance(shape, Mesh) else [shape.material]
         for material in (scene.materials[index] for index in indices):
             if isinstance(material.emission, MeshAttribute):
@@ -89,7 +103,7 @@ def parts(scene: Scene, placing: Placing, textures: Textures) -> Iterator[Part]:
 
 
 def _round_or_flat(scene: Scene, index: int, shape: Shape, size: float, textures: Textures) -> Iterator[Part]:
-    assert not isinstance(shape, (Triangle, Mesh))
+    assert not isinstance(shape, (Triangle, Mesh, Instance))
     material = scene.materials[shape.material]
     sides = ((1, GAP * size), (-1, GAP * size)) if material.emits and material.two_sided else ((1, 0.0),)
     for side, gap in sides:
