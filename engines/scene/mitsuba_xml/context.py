@@ -16,7 +16,6 @@ from engines.scene.files import Place
 from engines.scene.materials import Material
 from engines.scene.mitsuba_xml.document import Element
 from engines.scene.mitsuba_xml.properties import Plugin
-from engines.scene.mitsuba_xml.transforms import Matrix
 from engines.scene.models import Diffuse
 from engines.scene.shapes import Shape, check_area
 from engines.scene.textures import Color
@@ -57,8 +56,7 @@ class Notes:
 class Importer:
     """The state of importing one scene. `built` are results by the plugin (its identity) and how it was asked for; `one_sided`
     are names of BSDFs that are black from behind; `emitting` are the shapes of area emitters, `names` of materials with how
-    often each was asked for. `outer` is the `to_world` of the instance whose copies are being made, and `copied` counts the
-    primitives of all."""
+    often each was asked for."""
 
     reader: SceneReader
     ids: dict[str, Plugin]
@@ -68,8 +66,6 @@ class Importer:
     one_sided: dict[str, None] = field(default_factory=dict)
     emitting: dict[int, Plugin] = field(default_factory=dict)
     names: dict[str, int] = field(default_factory=dict)
-    outer: Matrix | None = None
-    copied: int = 0
 
     @property
     def place(self) -> Place:
@@ -153,11 +149,6 @@ class Importer:
         other = self.emitting.setdefault(id(emitter), shape)
         if other is not shape:
             raise shape.refuse(f"its emitter is that of {other.element.where} too: give each shape an emitter of its own")
-
-    def to_world(self, plugin: Plugin) -> Matrix:
-        """(4, 4) that of a shape, with that of the instance after it."""
-        own = plugin.transform()
-        return own if self.outer is None else self.outer @ own
 
     def check_finite(self, plugin: Plugin, vertices: NDArray[np.float64]) -> None:
         """Raises `SceneError` where a transform has led out of the range of numbers."""
