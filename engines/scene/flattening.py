@@ -17,7 +17,6 @@ from engines.scene.frames import facing
 from engines.scene.geometry import unit_rows
 from engines.scene.materials import Material
 from engines.scene.mesh import Mesh, SphereSet, read_only_mesh
-from engines.scene.mitsuba_xml.transforms import mirrored, placed, similarity
 from engines.scene.scene import Scene
 from engines.scene.shapes import Cylinder, Disk, Instance, Shape, Single, Sphere, as_mesh, as_spheres, materials_of
 from engines.scene.triple import triple
@@ -67,20 +66,22 @@ def _copy(shape: Single, matrix: NDArray[np.float64], materials: Sequence[Materi
     """The shape as an instance with this `matrix` (3, 4) shows it."""
     if (mesh := as_mesh(shape)) is not None:
         return _mesh(mesh, matrix, materials)
+    from engines.scene.mitsuba_xml.transforms import similarity  # readers of XML are loaded where they are needed
+
     scale, linear = similarity(matrix[:, :3]), matrix[:, :3]
     turned = scale is None or not np.array_equal(linear, scale * np.eye(3))
     if scale is None or (turned and any(materials[index].uses_uvs for index in materials_of(shape))):
         return _triangles(shape, matrix)
     if (spheres := as_spheres(shape)) is not None:
-        centers = placed(matrix, spheres.centers)
+        centers = _points(matrix, spheres.centers)
         if isinstance(shape, Sphere):
             return replace(shape, center=triple(centers[0]), radius=shape.radius * scale)
         return replace(spheres, centers=centers, radii=spheres.radii * scale)
     if isinstance(shape, Disk):
-        (center,), (normal,) = placed(matrix, np.array([shape.center])), _turned(matrix, np.array([shape.normal]))
+        (center,), (normal,) = _points(matrix, np.array([shape.center])), _turned(matrix, np.array([shape.normal]))
         return replace(shape, center=triple(center), normal=triple(normal), radius=shape.radius * scale)
     assert isinstance(shape, Cylinder)
-    p0, p1 = placed(matrix, np.array([shape.p0, shape.p1]))
+    p0, p1 = _points(matrix, np.array([shape.p0, shape.p1]))
     return replace(shape, p0=triple(p0), p1=triple(p1), radius=shape.radius * scale)
 
 
@@ -96,7 +97,7 @@ def _triangles(shape: Single, matrix: NDArray[np.float64]) -> Mesh:
         way = np.subtract(shape.p1, shape.p0)
         length = float(np.linalg.norm(way))
         unit, local = tessellate.cylinder(SEGMENTS), [facing(shape.p0, way / length, shape.radius, length)[:3]]
-    world = [np.column_stack([matrix[:, :3] @ each[:, :3], placed(matrix, each[None, :, 3])[0]]) for each in local]
+    world = [np.column_stack([matrix[:, :3] @ each[:, :3], _points(matrix, each[None, :, 3])[0]]) for each in local]
     parts = [_placed(each, unit.vertices, unit.faces, unit.normals) for each in world]
     vertices = np.concatenate([part[0] for part in parts])
     faces = np.concatenate([part[1] + number * len(unit.vertices) for number, part in enumerate(parts)])
@@ -107,7 +108,7 @@ def _triangles(shape: Single, matrix: NDArray[np.float64]) -> Mesh:
 
 def _mesh(mesh: Mesh, matrix: NDArray[np.float64], materials: Sequence[Material]) -> Mesh:
     vertices, faces, normals, uvs, attributes = mesh.vertices, mesh.faces, mesh.normals, mesh.uvs, mesh.attributes
-    if uvs is None and mirrored(matrix) and any(materials[index].uses_uvs for index in materials_of(mesh)):
+    if uvs is None and _mirrors(matrix) and any(materials[index].uses_uvs for index in materials_of(mesh)):
         # texture coordinates are those of corners, two of which are about to be exchanged
         corners = faces.reshape(-1)
         vertices, normals = vertices[corners], None if normals is None else normals[corners]
@@ -122,9 +123,18 @@ def _placed(
 ) -> tuple[NDArray[np.float64], NDArray[np.int32], Any]:
     """Vertices, faces and normals under a `matrix` (3, 4), which keeps fronts: two corners are exchanged where it mirrors."""
     normals = None if normals is None else _turned(matrix, normals)
-    return placed(matrix, vertices), faces[:, [0, 2, 1]] if mirrored(matrix) else faces, normals
+    return _points(matrix, vertices), faces[:, [0, 2, 1]] if _mirrors(matrix) else faces, normals
 
 
 def _turned(matrix: NDArray[np.float64], normals: NDArray[np.float64]) -> NDArray[np.float64]:
     """(n, 3) unit M^-T n."""
     return unit_rows(normals @ np.linalg.inv(matrix[:, :3]))
+
+
+def _points(matrix: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(n, 3) points of the world."""
+    return points @ matrix[:, :3].T + matrix[:, 3]
+
+
+def _mirrors(matrix: NDArray[np.float64]) -> bool:
+    return bool(np.linalg.det(matrix[:, :3]) < 0.0)
