@@ -207,7 +207,7 @@ class Instance:
 
 FARTHEST = 1e30
 """Beyond all coordinates of what an instance shows, as of what is imported from Mitsuba's files."""
-MAX_INSTANCES = 1_000_000
+MAX_INSTANCES = 200_000
 """Instances in a scene file."""
 
 Shape = Single | Instance
