@@ -158,9 +158,10 @@ def test_of_equal_distances_the_lowest_shape_and_primitive_win(accelerator):
 
 
 def test_a_ray_that_has_left_a_triangle_of_an_instance_meets_the_same_one_of_another_instance():
-    context = renderer(made([TRIANGLE, TRIANGLE], [np.eye(3, 4)] * 2))._context
-    for left, met in ((-1, 0), (0, 1), (1, 0), (2, 0)):
-        hits = context.closest(np.array([[0], [0.3], [1e-3]]), np.array([[0.0], [0], [-1]]), np.array([left]))
+    below, above = np.eye(3, 4), np.column_stack([np.eye(3), [0, 0, 1]])
+    context = renderer(made([TRIANGLE, TRIANGLE], [below, above]))._context
+    for left, met in ((-1, 2), (0, 2), (2, 3), (3, 2)):
+        hits = context.closest(np.array([[0], [0.3], [1.001]]), np.array([[0.0], [0], [-1]]), np.array([left]))
         assert hits.primitive_id[0] == met
 
 

@@ -98,6 +98,16 @@ def test_groups_within_groups_are_refused_at_once_however_deep_or_circular(tmp_p
     assert time.process_time() - started < 1.0
 
 
+def test_merges_within_merges_hold_a_bounded_number_of_shapes(tmp_path, monkeypatch):
+    monkeypatch.setattr(groups, "MAX_MERGED", 500)
+    many = BALL.replace("/>", ' id="m0"/>')
+    for level in range(1, 10):
+        inner = f'<ref id="m{level - 1}"/>' * 10
+        many += f'<shape type="merge" id="m{level}">{inner}</shape>'
+    for body in (many, many + GROUP.format('<ref id="m9"/>') + COPY.format("")):
+        assert "merges hold more than 500 shapes" in refusal(tmp_path, body)
+
+
 def test_a_file_is_read_once_for_all_instances_of_its_group(tmp_path):
     (tmp_path / "m.obj").write_text("v -1 -1 0\nv 1 -1 0\nv 0 2 0\nf 1 2 3\n", encoding="ascii")
     group = GROUP.format('<shape type="obj"><string name="filename" value="m.obj"/></shape>')

@@ -56,7 +56,7 @@ class Notes:
 class Importer:
     """The state of importing one scene. `built` are results by the plugin (its identity) and how it was asked for; `one_sided`
     are names of BSDFs that are black from behind; `emitting` are the shapes of area emitters, `names` of materials with how
-    often each was asked for."""
+    often each was asked for. `merged` counts the shapes of merges."""
 
     reader: SceneReader
     ids: dict[str, Plugin]
@@ -66,6 +66,7 @@ class Importer:
     one_sided: dict[str, None] = field(default_factory=dict)
     emitting: dict[int, Plugin] = field(default_factory=dict)
     names: dict[str, int] = field(default_factory=dict)
+    merged: int = 0
 
     @property
     def place(self) -> Place:

@@ -13,6 +13,9 @@ from engines.scene.mitsuba_xml.properties import Plugin
 from engines.scene.mitsuba_xml.shapes import shape
 from engines.scene.shapes import MAX_INSTANCES, Group, Instance, Shape
 
+MAX_MERGED = 200_000
+"""Shapes in merges, those in merges within others again and again."""
+
 
 def shapes(importer: Importer, plugin: Plugin) -> Iterator[Shape]:
     """The shapes of a plugin with their materials; none of a group, which instances show. Raises `SceneError`."""
@@ -33,7 +36,11 @@ def _merged(importer: Importer, plugin: Plugin) -> list[Plugin]:
         raise plugin.refuse("a merge has no to_world: its shapes have their own")
     if importer.taken(plugin, "bsdf"):
         importer.notes.add("a BSDF of a merge is not used: its shapes have their own", plugin.element)
-    return importer.taken(plugin, "shape")
+    found = importer.taken(plugin, "shape")
+    importer.merged += len(found)
+    if importer.merged > MAX_MERGED:
+        raise plugin.refuse(f"merges hold more than {MAX_MERGED:,} shapes")
+    return found
 
 
 def _instance(importer: Importer, plugin: Plugin) -> Instance:
@@ -46,8 +53,9 @@ def _instance(importer: Importer, plugin: Plugin) -> Instance:
     importer.reader.instances += 1
     if importer.reader.instances > MAX_INSTANCES:
         raise plugin.refuse(f"more than {MAX_INSTANCES:,} instances")
+    group = _group(importer, groups[0])
     try:
-        made = Instance(_group(importer, groups[0]), plugin.transform()[:3])
+        made = Instance(group, plugin.transform()[:3])
     except SceneError as problem:
         raise plugin.refuse(f"to_world: {problem}") from problem
     importer.finish(plugin)
