@@ -26,7 +26,7 @@ from engines.kernels.lane.vector import Vec3, largest, length, to_float64, to_re
 from engines.kernels.layout import LANES, SURFACE, ray_batch, scene_table
 from engines.kernels.rows import BSDF_PARAMETERS
 from engines.kernels.stages.material import coordinates_at, make_locate, make_look_up, make_share, tilted, triangle_point
-from engines.kernels.stages.shade import curved_shapes, make_left
+from engines.kernels.stages.shade import curved_shapes, make_leave
 
 _on_surfaces = lanes_where("==", SURFACE)
 
@@ -121,7 +121,7 @@ def _make_transmittance(features: SceneFeatures, real: Any) -> Any:
 
 
 @inline
-def _store_next_rays(rays, share, left, real):
+def _store_next_rays(rays, share, leave, real):
     """The rays that go on, from the far side of what they have met to the same place; `t` is -1 of the others."""
     zero, infinite = real(0), real(math.inf)
     for lane in range(np.uint64(LANES)):
@@ -133,13 +133,13 @@ def _store_next_rays(rays, share, left, real):
         rays.origin[lane] = origin
         rays.direction[lane] = select(endless, rays.direction[lane], aim * (real(1) / way))
         rays.t[lane] = select(goes, select(endless, infinite, way * share - offset), real(-1))
-        rays.origin_primitive[lane] = left(rays, lane)
+        leave(rays, lane)
 
 
 def _make(features: SceneFeatures, real: Any) -> Any:
     transmittance, textures = _make_transmittance(features, real), features.textures
     locate, programs = make_locate(features), features.programs
-    left = make_left(curved_shapes(features))
+    leave = make_leave(curved_shapes(features), features.instances)
 
     def transmit(batch, scene_address):
         rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
@@ -151,7 +151,7 @@ def _make(features: SceneFeatures, real: Any) -> Any:
             hits &= hits - 1
             passed = transmittance(rays, lane, scene)
             rays.shadow.transmittance[lane] = rays.shadow.transmittance[lane] * passed
-        _store_next_rays(rays, real(scene.margins[0].shadow_share), left, real)
+        _store_next_rays(rays, real(scene.margins[0].shadow_share), leave, real)
 
     return transmit
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from engines.scene import Mesh, Plane, Scene, Sphere, SphereSet, Triangle
+from engines.scene import Instance, Mesh, Plane, Scene, Sphere, SphereSet, Triangle
 
 
 class Counts(NamedTuple):
@@ -43,9 +43,9 @@ COSTS = {
 
 
 def counts_of(scene: Scene) -> Counts:
-    """How many primitives of each kind the scene holds."""
+    """How many primitives of each kind the scene shows."""
     triangles = spheres = analytic = 0
-    for shape in scene.shapes:
+    for shape in (each for shape in scene.shapes for each in (shape.group.shapes if isinstance(shape, Instance) else [shape])):
         if isinstance(shape, (Mesh, Triangle)):
             triangles += len(shape.faces) if isinstance(shape, Mesh) else 1
         elif isinstance(shape, (Sphere, SphereSet)):
