@@ -59,9 +59,9 @@ class Engine:
     def _supported(self, scene: Scene, settings: Settings) -> Settings:
         chosen = supported(scene, settings, ACCELERATORS, "float64", self.name)
         accelerator: Any = chosen.accelerator
-        if accelerator.name != "auto" and any(isinstance(shape, Instance) for shape in scene.shapes):
-            if not getattr(MADE.get(accelerator.name), "instances", False):
-                raise Unsupported(no_instances(accelerator.name))
+        finds = accelerator.name == "auto" or getattr(MADE.get(accelerator.name), "instances", False)
+        if not finds and any(isinstance(shape, Instance) for shape in scene.shapes):
+            raise Unsupported(no_instances(accelerator.name))
         return chosen
 
     def auto_accelerator(self, scene: Scene, settings: Settings) -> str:

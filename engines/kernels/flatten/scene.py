@@ -58,16 +58,17 @@ class FlatScene:
         if not self.features.instances:
             return self
         table, begin, end = SceneTable, self.begins[number], self.begins[number + 1]
-        arrays = dict(self.arrays)
+        placed = {} if number == 0 else {"bounds": self.boxes[number - 1], "center": np.zeros(3)}
+        part = replace(self, arrays=dict(self.arrays), table=self.table.copy(), begins=[begin, end], **placed)
         for slots, first, last in (
             ((table.triangles, table.triangle_primitives), begin.triangles, end.triangles),
             ((table.spheres, table.sphere_primitives), begin.spheres, end.spheres),
             ((table.analytic, table.analytic_primitives, table.analytic_bounds), begin.analytic, end.analytic),
-            ((table.instances, table.instance_bounds), 0, len(arrays[table.instances]) if number == 0 else 0),
+            ((table.instance_bounds,), 0, len(self.arrays[table.instances]) if number == 0 else 0),
         ):
-            arrays |= {slot: arrays[slot][first:last] for slot in slots}
-        placed = {} if number == 0 else {"bounds": self.boxes[number - 1], "center": np.zeros(3)}
-        return replace(self, arrays=arrays, begins=[begin, end], **placed)
+            for slot in slots:
+                part.bind(slot, self.arrays[slot][first:last])
+        return part
 
     @property
     def address(self) -> int:

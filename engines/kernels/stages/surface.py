@@ -110,15 +110,16 @@ def _on_triangle(rays, lane, o, d, smooth):
 
 @per_features
 def _make_meet(features: SceneFeatures, real: Any) -> Any:
-    """The function (rays, kinds) that keeps where rays meet the primitives hit, kind by kind: most batches lack one."""
+    """The function (rays, scene, kinds) that keeps where rays meet the primitives hit, kind by kind: most batches lack one."""
     triangles, smooth, spheres, planes = features.triangles, features.smooth, features.spheres, features.planes
     analytic = dispatch(tuple((kind, analytic_shape(kind).lane.intersection) for kind in features.analytic))
     has_analytic, turned = len(features.analytic) > 0, features.instances
 
     @inline
-    def meet(rays, kinds):
+    def meet(rays, scene, kinds):
         origin, direction = rays.origin, rays.direction
         if turned:
+            _turn_rays(rays, scene, real)
             origin, direction = rays.shear_x, rays.shear_y
         if triangles and kinds.triangles != 0:
             for lane in range(np.uint64(LANES)):
@@ -138,6 +139,8 @@ def _make_meet(features: SceneFeatures, real: Any) -> Any:
             for lane in range(np.uint64(LANES)):
                 kind, parameters = rays.hit.shape[lane], lane_numbers(rays.shape_parameters, lane)
                 rays.found[lane] = analytic(kind, rays.found[lane], origin[lane], direction[lane], parameters, real)
+        if turned:
+            _turn_hits(rays, scene, real)
 
     return meet
 
@@ -198,8 +201,7 @@ def _make_emission(features: SceneFeatures) -> Any:
 def _make(features: SceneFeatures, real: Any) -> Any:
     zero = real(0)
     load, meet = make_load_hit(features, real), _make_meet(features, real)
-    turned, smooth = features.instances, features.smooth
-    others = features.other_shapes or turned
+    others, smooth = features.other_shapes or features.instances, features.smooth
     weighted = chooses_by_weight(features)
     emission, tangents, hides = features.emission, features.tangents, features.hidden_emitters
     emission_at = _make_emission(features)
@@ -212,12 +214,8 @@ def _make(features: SceneFeatures, real: Any) -> Any:
     def surface(batch, scene_address):
         rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
         kinds = load(rays, scene)
-        if turned:
-            _turn_rays(rays, scene, real)
         if others:
-            meet(rays, kinds)
-        if turned:
-            _turn_hits(rays, scene, real)
+            meet(rays, scene, kinds)
         inverse_pmf = real(scene.light_choices)
         environment_inverse_pmf = inverse_pmf
         if weighted:

@@ -8,6 +8,7 @@ choice. Planes cost the same in both, and are left out.
 from __future__ import annotations
 
 import math
+from itertools import chain
 from typing import NamedTuple
 
 from engines.scene import Instance, Mesh, Plane, Scene, Sphere, SphereSet, Triangle
@@ -45,7 +46,8 @@ COSTS = {
 def counts_of(scene: Scene) -> Counts:
     """How many primitives of each kind the scene shows."""
     triangles = spheres = analytic = 0
-    for shape in (each for shape in scene.shapes for each in (shape.group.shapes if isinstance(shape, Instance) else [shape])):
+    shown = ([*shape.group.shapes] if isinstance(shape, Instance) else [shape] for shape in scene.shapes)
+    for shape in chain.from_iterable(shown):
         if isinstance(shape, (Mesh, Triangle)):
             triangles += len(shape.faces) if isinstance(shape, Mesh) else 1
         elif isinstance(shape, (Sphere, SphereSet)):

@@ -254,12 +254,9 @@ def _take(rays, lane, t, primitive, shadow, zero):
         rays.primitive[lane] = select(better, np.int64(primitive), found)
 
 
-def _make(
-    triangles: bool, spheres: bool, planes: bool, analytic: tuple[int, ...], instances: bool, shadow: bool, real: Any
-) -> Any:
-    scratch = RayBatch.bytes(real)
-    inner_batch = scratch + INNER * np.dtype(real).itemsize
-    test_analytic = make_analytic_test(analytic, shadow)
+@cache
+def _make_test_triangles(shadow: bool, real: Any) -> Any:
+    """The function (rays, scene, own, sheared, first, last) that tests a batch against the chunks first .. last - 1."""
     eps = np.finfo(real).eps
     shift_share, end_share = real(PAD_ULPS * eps), real(1 + PAD_ULPS * eps)
 
@@ -288,6 +285,14 @@ def _make(
                     )
                     _take(rays, lane, t, primitive, shadow, real(0))
 
+    return test_triangles
+
+
+@cache
+def _make_test_instances(triangles: bool, spheres: bool, analytic: tuple[int, ...], shadow: bool, real: Any) -> Any:
+    """The function (rays, inner, scene, own, sheared) that tests a batch against all instances, in each as batch `inner`."""
+    test_triangles, test_analytic = _make_test_triangles(shadow, real), make_analytic_test(analytic, shadow)
+
     @inline
     def test_instances(rays, inner, scene, own, sheared):
         for i in range(scene.n_instances):
@@ -306,6 +311,18 @@ def _make(
             for lane in range(np.uint64(LANES)):
                 keep_scalar()
                 leave(rays, inner, scene, lane, shadow, real)
+
+    return test_instances
+
+
+def _make(
+    triangles: bool, spheres: bool, planes: bool, analytic: tuple[int, ...], instances: bool, shadow: bool, real: Any
+) -> Any:
+    scratch = RayBatch.bytes(real)
+    inner_batch = scratch + INNER * np.dtype(real).itemsize
+    test_analytic = make_analytic_test(analytic, shadow)
+    test_triangles = _make_test_triangles(shadow, real)
+    test_instances = _make_test_instances(triangles, spheres, analytic, shadow, real) if instances else None
 
     def stage(batch, scene_address):
         rays, scene = ray_batch(batch, real), scene_table(scene_address, real)

@@ -1,8 +1,8 @@
 """What accelerators share: boxes of the primitives; of grids and area hierarchies the ray of one lane, and the test of one
 primitive.
 
-Primitives are numbered triangles first, then spheres, then analytic shapes, then instances. Boxes are padded by a few ulps of the scene's
-extent, so a ray in a box face, or along a cell wall, is inside by a margin and needs no special case.
+Primitives are numbered triangles first, then spheres, then analytic shapes, then instances. Boxes are padded by a few ulps of
+the scene's extent, so a ray in a box face, or along a cell wall, is inside by a margin and needs no special case.
 """
 
 from __future__ import annotations
