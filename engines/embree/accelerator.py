@@ -71,7 +71,7 @@ class Accelerator:
     name = "embree"
     precision = np.float32
     scratch = SCRATCH_WORDS
-    instances = False  # what is here for them is untested
+    instances = True
 
     def __init__(self, options: Any, refine: bool) -> None:
         self._quality, self._robust, self._exact = options["quality"], options["robust"], options["watertight"]

@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from engines.choices import Option, one_of
 from engines.embree.accelerator import Accelerator
 from engines.embree.library import QUALITIES, library
-from engines.errors import Unsupported, why_unsupported
+from engines.errors import why_unsupported
 from engines.interface import Settings
 from engines.kernels.renderer import Renderer
-from engines.kernels.resolve import no_instances, supported
-from engines.scene import Instance, Scene
+from engines.kernels.resolve import supported
+from engines.scene import Scene
 
 _OPTIONS = {
     "quality": Option("medium", "Embree's build quality", one_of(*QUALITIES)),
@@ -62,7 +62,5 @@ class Engine:
 
     def _supported(self, scene: Scene, settings: Settings) -> Settings:
         chosen = supported(scene, settings, ACCELERATORS, "float32", self.name)
-        if any(isinstance(shape, Instance) for shape in scene.shapes):
-            raise Unsupported(no_instances(self.name))
         library()
         return chosen

@@ -1,5 +1,6 @@
 """Instances in the compiled engines: what the engine numpy finds, which is held against the flattened scene."""
 
+from functools import partial
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import pytest
 from engines import Settings, engine
 from engines.errors import Unsupported
 from engines.kernels.rows import InstanceRow
+from engines.scene import flattened
 
 _SPEC = spec_from_file_location("instances_of_numpy", Path(__file__).parents[1] / "numpy_reference/test_instances.py")
 assert _SPEC is not None and _SPEC.loader is not None
@@ -19,13 +21,20 @@ MATRICES, ROUND, TRIANGLE, bumpy, made, rays = (
 )
 PLANE = {"plane": {"point": [0, -3, 0], "normal": [0, 1, 0]}}
 EXACT = [("none", "float64"), ("bvh", "float64")]
+WATERTIGHT = {"name": "embree", "watertight": True}
 
 
 def renderer(scene, accelerator, precision="float64", **more):
-    return engine("numba").prepare(scene, Settings(accelerator=accelerator, precision=precision, threads=1, **more))
+    """Of Embree's for its accelerators, else of numba's."""
+    name = accelerator if isinstance(accelerator, str) else accelerator["name"]
+    settings = Settings(accelerator=accelerator, precision=precision, threads=1, **more)
+    return engine("embree" if name == "embree" else "numba").prepare(scene, settings)
 
 
-@pytest.mark.parametrize(("accelerator", "precision"), [*EXACT, ("none", "float32"), ("bvh", "float32")])
+@pytest.mark.parametrize(
+    ("accelerator", "precision"),
+    [*EXACT, ("none", "float32"), ("bvh", "float32"), ("embree", "float64"), ("embree", "float32"), (WATERTIGHT, "float32")],
+)
 def test_rays_find_in_instances_what_numpy_finds(accelerator, precision):
     before = [bumpy(40, 7), PLANE, ROUND[0], ROUND[2]]
     scene = made([bumpy(), TRIANGLE, *ROUND], MATRICES.values(), before=before)
@@ -69,28 +78,40 @@ def test_a_row_of_an_instance_has_at_most_256_bytes():
     assert InstanceRow.size * np.dtype(InstanceRow.dtype).itemsize <= 256
 
 
-def test_ten_thousand_instances_of_ten_thousand_triangles_add_less_than_ten_megabytes():
+@pytest.mark.parametrize("accelerator", ["bvh", "embree"])
+def test_ten_thousand_instances_of_ten_thousand_triangles_add_less_than_ten_megabytes(accelerator):
     rng = np.random.default_rng(3)
     matrices = np.concatenate([np.tile(0.5 * np.eye(3), (10_000, 1, 1)), rng.random((10_000, 3, 1)) * 100], axis=2)
     sizes = []
     for shown in (matrices[:1], matrices):
-        counters = renderer(made([bumpy(10_000)], shown), "bvh").counters()
+        counters = renderer(made([bumpy(10_000)], shown), accelerator).counters()
         sizes.append(counters["accelerator_bytes"] + counters["scene_bytes"])
     assert 0 < sizes[1] - sizes[0] < 10e6
 
 
-@pytest.mark.parametrize("look", ["texture", "brushed", "glass"])
-def test_images_are_those_of_numpy(look):
+def film(made, **settings):
+    return made(shader={"name": "path_tracer", "max_depth": 4}, sampler="random", **settings).render(2).mean()
+
+
+def assert_alike(ours, theirs):
     """All paths are the same; here and there one goes another way, by a rounding error at an edge."""
-    mesh = {**bumpy(150, uvs=of_numpy.UVS), "material": "look"}
-    lamp = {**TRIANGLE, "material": "lamp"}
-    more = {"look": of_numpy.LOOKS[look], "lamp": {"emission": 3, "two_sided": True}}
-    scene = made([mesh, *ROUND], MATRICES.values(), [lamp], more, textures=of_numpy.TEXTURES)
-    shader = {"name": "path_tracer", "max_depth": 4}
-    films = [
-        of_numpy.renderer(scene, shader=shader, sampler="random").render(2),
-        renderer(scene, "bvh", shader=shader, sampler="random").render(2),
-    ]
-    ours, theirs = (film.mean() for film in films)
     differs = np.abs(ours - theirs).max(axis=2) > 1e-6
     assert differs.mean() < 0.03 and ours.std() > 0.01
+
+
+def shown(look, matrices):
+    mesh, lamp = {**bumpy(150, uvs=of_numpy.UVS), "material": "look"}, {**TRIANGLE, "material": "lamp"}
+    more = {"look": of_numpy.LOOKS[look], "lamp": {"emission": 3, "two_sided": True}}
+    return made([mesh, *ROUND], matrices, [lamp], more, textures=of_numpy.TEXTURES)
+
+
+@pytest.mark.parametrize("look", ["texture", "brushed", "glass"])
+def test_images_are_those_of_numpy(look):
+    scene = shown(look, MATRICES.values())
+    assert_alike(film(partial(renderer, scene, "bvh")), film(partial(of_numpy.renderer, scene)))
+
+
+@pytest.mark.parametrize("look", ["texture", "brushed"])
+def test_images_of_embree_are_those_of_the_flattened_scene(look):
+    scene = shown(look, [MATRICES[name] for name in of_numpy.SIMILAR])
+    assert_alike(*(film(partial(renderer, each, "embree")) for each in (scene, flattened(scene))))
