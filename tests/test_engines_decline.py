@@ -7,6 +7,7 @@ import pytest
 import engines
 from engines import Settings, Unsupported
 from engines.peers.export import export
+from engines.scene import flattened
 
 ENGINES = ("numpy", "numba", "embree", "embreex_batch", "mitsuba", "mitsuba_scalar", "dahlquist")
 TRIANGLE = {"triangle": {"a": [0, 0, 0], "b": [1, 0, 0], "c": [0, 1, 0]}, "material": "grey"}
@@ -14,6 +15,10 @@ PARTS = {
     "disk": {"shapes": [TRIANGLE, {"disk": {"center": [0, 0, 0], "normal": [0, 0, 1], "radius": 1}, "material": "grey"}]},
     "spot": {"lights": [{"spot": {"position": [0, 3, 0], "target": [0, 0, 0], "intensity": 1}}]},
     "medium": {"media": {"fog": {"sigma_t": 1, "albedo": 0.5}}, "shapes": [{**TRIANGLE, "interior": "fog"}]},
+    "instance": {
+        "groups": {"g": [TRIANGLE]},
+        "shapes": [{"instance": {"group": "g", "matrix": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]]}}],
+    },
     "conductor": {"materials": {"grey": {"conductor": {"metal": "Au", "alpha": 0.2}}}},
 }
 
@@ -48,6 +53,16 @@ def _reason(engine, scene):
         engine.prepare(scene, settings)
     assert str(refused.value) == reason
     return reason
+
+
+def test_engines_that_draw_no_instances_say_so_and_render_the_flattened_scene(tmp_path):
+    scene = _scene(PARTS["instance"])
+    for name, who in (("numba", "the engine numba"), ("embree", "the engine embree"), ("mitsuba", "Mitsuba")):
+        assert _reason(engines.engine(name), scene) == f"shapes[0]: {who} does not support the shape Instance"
+    for form, who in (("mitsuba", "Mitsuba"), ("pbrt", "pbrt")):
+        with pytest.raises(Unsupported, match=rf"shapes\[0\]: {who} does not support the shape Instance"):
+            export(scene, form, tmp_path)
+    assert _reason(engines.engine("numba"), flattened(scene)) is None
 
 
 def _light(plugin):

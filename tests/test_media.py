@@ -12,7 +12,9 @@ from engines.scene import (
     DirectionalLight,
     Disk,
     EnvironmentLight,
+    Group,
     HomogeneousMedium,
+    Instance,
     Mask,
     Material,
     Mixture,
@@ -93,6 +95,15 @@ def layers(*heights):
 @pytest.mark.parametrize(("sigma", "truth"), [(0.2, 0.818731), (0.5, 0.606531), (1.0, 0.367879)])
 def test_a_slab_absorbs_exponentially(engine, sigma, truth):
     check(film(scene(layers(0.0, 1.0), [medium(sigma)], [SKY]), engine, 8), truth)
+
+
+@pytest.mark.parametrize("stretch", [1.5, -1.5])
+def test_media_of_a_group_stand_in_its_instances_and_a_mirrored_one_keeps_their_sides(engine, stretch):
+    """A ball, 3 m deep where it is stretched, and a slab between two disks, as deep as the stretch."""
+    slab = Disk((0.0, 0.0, 2.0), UP, 9.0, 0, exterior=0), Disk((0.0, 0.0, 3.0), UP, 9.0, 0, interior=0)
+    group = Group("group", (Sphere((0.0, 0.0, 0.0), 1.0, 0, interior=0), *slab))
+    shown = Instance(group, np.column_stack([np.diag([1.0, 2.0, stretch]), np.zeros(3)]))
+    check(film(scene([shown], [medium(0.2)], [SKY]), engine, 16), math.exp(-0.9))
 
 
 @pytest.mark.parametrize("gap", [False, True])

@@ -15,8 +15,10 @@ from engines.scene import (
     DirectionalLight,
     Disk,
     EnvironmentLight,
+    Group,
     HomogeneousMedium,
     ImageTexture,
+    Instance,
     Mask,
     Material,
     Mesh,
@@ -159,6 +161,14 @@ def test_numba_in_float64_equals_the_reference_in_media_with_every_sampler(sampl
 @pytest.mark.parametrize("accelerator", ["none", "grid", "area_hierarchy"])
 def test_numba_in_float64_equals_the_reference_in_media_with_every_accelerator(accelerator):
     assert_equal(everything(), accelerator=accelerator)
+
+
+@pytest.mark.parametrize("mirror", [1.0, -1.0])
+def test_numba_in_float64_equals_the_reference_where_boundaries_of_media_are_instances(mirror):
+    scene = everything()
+    outer, inner = scene.shapes[:2], scene.shapes[2:8]
+    shown = Instance(Group("group", inner), np.array([[0.9, 0.1, 0.0, 0.1], [0.0, mirror, 0.0, 0.2], [0.0, 0.1, 1.1, 0.0]]))
+    assert_equal(replace(scene, shapes=(*outer, shown, *scene.shapes[8:])))
 
 
 def test_a_lens_and_clipped_rays_start_in_the_medium_in_the_kernels_too():

@@ -13,7 +13,7 @@ from engines.numpy_reference.bsdf import BSDFS
 from engines.numpy_reference.lights import LIGHTS
 from engines.numpy_reference.registry import collect
 from engines.numpy_reference.shapes import SHAPES
-from engines.scene import Bsdf, Light, Mesh, Plane, Shape, Sphere, SphereSet, Triangle, Wrapper
+from engines.scene import Bsdf, Instance, Light, Mesh, Plane, Shape, Single, Sphere, SphereSet, Triangle, Wrapper
 
 
 def test_both_implementations_have_every_light():
@@ -26,9 +26,10 @@ def test_both_implementations_have_every_bsdf():
     assert set(WRAPPERS) == set(get_args(Wrapper))
 
 
-def test_both_implementations_have_every_shape():
+def test_both_implementations_have_every_shape_but_instances():
     with_lists_of_their_own = {Plane, Sphere, SphereSet, Triangle, Mesh}
-    assert set(SHAPES) == with_lists_of_their_own | set(ANALYTIC) == set(get_args(Shape))
+    assert set(SHAPES) == with_lists_of_their_own | set(ANALYTIC) == set(get_args(Single))
+    assert set(get_args(Shape)) == {*get_args(Single), Instance}
 
 
 @pytest.fixture

@@ -11,6 +11,7 @@ the speed.
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -18,12 +19,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.embree.callbacks import callbacks, hit_filter
-from engines.embree.geometries import ANALYTIC, SPHERES, TRIANGLES, exact_distance
+from engines.embree.geometries import ANALYTIC, INSTANCES, SPHERES, TRIANGLES, exact_distance
 from engines.embree.library import Device, address
 from engines.embree.packet import (
     CANDIDATE,
+    CANDIDATE_INSTANCE,
     GEOM_ID,
+    INST_ID,
     ORIGIN_FACE,
+    ORIGIN_INSTANCE,
     PRIM_ID,
     SCRATCH_WORDS,
     T_FAR,
@@ -48,6 +52,8 @@ from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten.scene import FlatScene
 from engines.kernels.flatten.shapes import TRIANGLE
 from engines.kernels.layout import RayBatch, SceneTable, ray_batch, scene_table
+from engines.kernels.rows import InstanceRow
+from engines.kernels.stages.instances import local_ray
 from engines.kernels.stages.linear import closest_planes, occluded_planes
 
 WIDENING = 1 + 2.0**-22
@@ -65,6 +71,7 @@ class Accelerator:
     name = "embree"
     precision = np.float32
     scratch = SCRATCH_WORDS
+    instances = True
 
     def __init__(self, options: Any, refine: bool) -> None:
         self._quality, self._robust, self._exact = options["quality"], options["robust"], options["watertight"]
@@ -78,41 +85,66 @@ class Accelerator:
         flat.bind(EmbreeTable.intersect, address(f"rtcIntersect{rays}"))
         flat.bind(EmbreeTable.intersect_one, address("rtcIntersect1"))
         flat.bind(EmbreeTable.occluded, address(f"rtcOccluded{rays}"))
+        parts = [flat, *(flat.part(number) for number in range(1, len(flat.begins) - 1))]
         scaling = _scaling(flat)
-        flat.bind(EmbreeTable.scaling, scaling)
-        vertices, faces = flat.arrays[SceneTable.vertices], flat.arrays[SceneTable.triangles]
-        primitives = len(faces) + len(flat.arrays[SceneTable.spheres]) + len(flat.arrays[SceneTable.analytic])
+        for part in parts:
+            own = _scaling(part)
+            part.bind(EmbreeTable.scaling, np.append(own, scaling[0]))
+        flat.owned += parts[1:]
+        flat.bind(EmbreeTable.begins, np.array([begin[1:4] for begin in flat.begins[1:-1]], np.int32))
+        primitives = sum(len(flat.arrays[field]) for field in (SceneTable.triangles, SceneTable.spheres, SceneTable.analytic))
         flat.bind(EmbreeTable.one_by_one, int(primitives > MANY))
         device = Device(threads if primitives > FEW else 1)
         flat.owned.append(device)
-        parts = _user_geometries(device, flat)
-        if len(faces) and self._exact:
-            parts[TRIANGLES] = _user_geometry(device, flat, TRIANGLES, len(faces))
-        elif len(faces):
-            flat.bind(EmbreeTable.filter, hit_filter(flat.real).address)
-            parts[TRIANGLES] = device.triangles(vertices * flat.real(scaling[0]), faces)
-        flat.bind(EmbreeTable.tree, device.scene(parts, flat.address, self._quality, self._robust))
-        if len(faces) and self._refine:
-            parts = _user_geometries(device, flat)
-            parts[TRIANGLES] = _user_geometry(device, flat, TRIANGLES, len(faces))
-            flat.bind(EmbreeTable.exact_tree, device.scene(parts, flat.address, "low", True))
+        if flat.features.triangles and not self._exact:
+            flat.bind(EmbreeTable.filter, hit_filter(flat.features.instances, flat.real).address)
+        flat.bind(EmbreeTable.tree, self._tree(device, parts, self._exact, self._quality, self._robust))
+        if flat.features.triangles and self._refine:
+            flat.bind(EmbreeTable.exact_tree, self._tree(device, parts, True, "low", True))
         self.bytes = device.bytes
         self.build_seconds = time.perf_counter() - start
 
+    def _tree(self, device: Device, parts: list[FlatScene], exact: bool, quality: str, robust: bool) -> int:
+        """The handle of an RTCScene of what is outside of groups, the first of the parts, and of the instances; of triangles
+        that are solved in float64 with `exact`."""
+        flat = parts[0].part(0)
+        groups = [device.scene(_geometries(device, part, exact), part.address, quality, robust) for part in parts[1:]]
+        shown = {INSTANCES + i: device.instance(groups[group], matrix) for i, (group, matrix) in enumerate(_matrices(parts))}
+        return device.scene(_geometries(device, flat, exact) | shown, parts[0].address, quality, robust)
+
     def stages(self, features: SceneFeatures, real: Any) -> tuple[Any, Any]:
-        return stages(Variant(*_shapes(features), self._refine, self._exact, packet_width()), real)
+        return stages(Variant(*_shapes(features), features.instances, self._refine, self._exact, packet_width()), real)
 
 
 def _user_geometry(device: Device, flat: FlatScene, geometry: int, count: int) -> int:
     analytic = flat.features.analytic if geometry == ANALYTIC else ()
-    made = callbacks(geometry, analytic, flat.real)
+    made = callbacks(geometry, analytic, flat.features.instances, flat.real)
     return device.by_callback(count, *(code.address for code in made))
 
 
-def _user_geometries(device: Device, flat: FlatScene) -> dict[int, int]:
-    """Those that are in every tree, by number."""
-    counts = {SPHERES: len(flat.arrays[SceneTable.spheres]), ANALYTIC: len(flat.arrays[SceneTable.analytic])}
-    return {number: _user_geometry(device, flat, number, count) for number, count in counts.items() if count}
+def _geometries(device: Device, part: FlatScene, exact: bool) -> dict[int, int]:
+    """Those of a part of the scene, by number; with `exact` triangles are solved in float64."""
+    faces = part.arrays[SceneTable.triangles]
+    counts = {SPHERES: len(part.arrays[SceneTable.spheres]), ANALYTIC: len(part.arrays[SceneTable.analytic])}
+    made = {number: _user_geometry(device, part, number, count) for number, count in counts.items() if count}
+    if len(faces) and exact:
+        made[TRIANGLES] = _user_geometry(device, part, TRIANGLES, len(faces))
+    elif len(faces):
+        vertices, indices = part.arrays[SceneTable.vertices], faces
+        if part.features.instances:  # vertices are those of the whole scene
+            vertices, indices = vertices[faces.min() : faces.max() + 1], faces - faces.min()
+        made[TRIANGLES] = device.triangles(vertices * part.real(part.arrays[EmbreeTable.scaling][0]), indices)
+    return made
+
+
+def _matrices(parts: list[FlatScene]) -> Iterator[tuple[int, NDArray[np.float64]]]:
+    """The group of each instance, and its matrix (3, 4) between scaled coordinates."""
+    scales = [part.arrays[EmbreeTable.scaling][0] for part in parts]
+    for row in parts[0].arrays[SceneTable.instances]:
+        placed = {name: row[field.first : field.first + field.n] for name, field in InstanceRow.fields.items()}
+        group = int(placed["group"][0])
+        linear = np.array([placed["out_x"], placed["out_y"], placed["out_z"]]) * (scales[0] / scales[group + 1])
+        yield group, np.column_stack([linear, placed["moved"] * scales[0]])
 
 
 def _scaling(flat: FlatScene) -> NDArray[np.float64]:
@@ -130,6 +162,7 @@ class Variant(NamedTuple):
     spheres: bool
     planes: bool
     analytic: bool
+    instances: bool
     refine: bool
     exact: bool
     width: int
@@ -145,8 +178,25 @@ def _shapes(features: SceneFeatures) -> tuple[bool, bool, bool, bool]:
 
 
 @inline
-def _note_origin_faces(rays, scene, memory, variant):
-    """Writes down the triangle that each lane's ray has left, for the filter; returns whether there is any."""
+def _begin(scene, embree, instance, kind):
+    """Where the triangles, spheres or analytic shapes of what an instance (-1 for none) shows begin."""
+    if instance < 0:
+        return np.int64(0)
+    return np.int64(embree.begins[3 * np.int64(scene.instances[instance].group) + kind])
+
+
+@inline
+def _instance(memory, word, variant):
+    """The instance whose geometry's number lies there, -1 for none."""
+    if not variant.instances:
+        return np.int64(-1)
+    geometry = np.int64(array_at(memory, np.int32)[word])
+    return geometry - INSTANCES if geometry >= 0 else np.int64(-1)
+
+
+@inline
+def _note_origin_faces(rays, scene, embree, memory, variant):
+    """Writes down the triangle that each lane's ray has left, and its instance, for the filter; returns if there is any."""
     words, some = array_at(memory, np.int32), False
     for k in range(LANES):
         lane, face = np.uint64(k), np.int32(-1)
@@ -154,6 +204,10 @@ def _note_origin_faces(rays, scene, memory, variant):
         traced = primitive >= 0 and words[first_word(lane, variant.width) + VALID * variant.width] != 0
         if traced and scene.primitives[primitive].shape == TRIANGLE:
             face, some = scene.primitives[primitive].index, True
+            if variant.instances:
+                instance = np.int64(rays.origin_instance[lane])
+                face = np.int32(face - _begin(scene, embree, instance, TRIANGLES))
+                words[ORIGIN_INSTANCE + k] = np.int32(instance + INSTANCES if instance >= 0 else -1)
         words[ORIGIN_FACE + k] = face
     return some
 
@@ -170,17 +224,20 @@ def _select_lanes(rays_of, rays, scene, embree, memory, lanes, widening, variant
         words[i + VALID * variant.width] = np.int32(-1 if again else 0)
         if again:
             words[i + GEOM_ID * variant.width] = np.int32(-1)
+            words[i + INST_ID * variant.width] = np.int32(-1)
             numbers[i + T_FAR * variant.width] = np.float32(t_max[lane] * scale) * widening
     if not variant.refine:
-        _note_origin_faces(rays, scene, memory, variant)
+        _note_origin_faces(rays, scene, embree, memory, variant)
 
 
 @inline
-def _candidate(scene, memory, lane, variant):
-    """(face, primitive) of Embree's hit of a lane; -1 where it is no triangle, or nothing."""
+def _candidate(scene, embree, memory, lane, variant):
+    """(face, primitive, instance) of Embree's hit of a lane; -1 where it is no triangle, or nothing."""
     words, i = array_at(memory, np.int32), first_word(lane, variant.width)
     geometry, index = words[i + GEOM_ID * variant.width], np.int64(words[i + PRIM_ID * variant.width])
-    face, primitive = np.int64(-1), np.int32(-1)
+    face, primitive, instance = np.int64(-1), np.int32(-1), _instance(memory, i + INST_ID * variant.width, variant)
+    if variant.instances and geometry >= 0:
+        index += _begin(scene, embree, instance, np.int64(geometry))
     if variant.triangles:
         hit = geometry == TRIANGLES
         face = select(hit, index, face)
@@ -194,7 +251,7 @@ def _candidate(scene, memory, lane, variant):
     if variant.analytic:
         hit = geometry == ANALYTIC
         primitive = select(hit, scene.analytic_primitives[index if hit else np.int64(0)], primitive)
-    return face, primitive
+    return face, primitive, instance
 
 
 @inline
@@ -204,18 +261,27 @@ def _candidate_distance(embree, memory, lane, variant):
 
 
 @inline
-def _confirmed(rays, origin_primitive, scene, lane, face, primitive, variant):
+def _confirmed(rays, batch, scene, lane, face, primitive, instance, variant, real):
     """(whether the lane did hit its candidate face, distance)."""
-    confirmed, t = primitive != origin_primitive[lane], 0.0
+    confirmed, t = primitive != batch.origin_primitive[lane], 0.0
+    if variant.instances and instance >= 0:
+        confirmed = confirmed | (instance != batch.origin_instance[lane])
     if variant.refine:
-        t = exact_distance(rays.origin[lane], rays.direction[lane], scene, face if face >= 0 else np.int64(0))
+        o, d, stretch = rays.origin[lane], rays.direction[lane], 1.0
+        if variant.instances and instance >= 0:
+            o, d, stretch = local_ray(scene.instances[instance], o, d, real)
+        t = exact_distance(o, d, scene, face if face >= 0 else np.int64(0))
+        if variant.instances:
+            t = t / stretch
         confirmed = confirmed & (t > 0.0) & (t < np.float64(rays.t_max[lane]))
     return confirmed, t
 
 
 @inline
-def _store_hit(rays, lane, primitive, t, real):
+def _store_hit(rays, lane, primitive, instance, t, variant, real):
     rays.primitive[lane] = primitive
+    if variant.instances:
+        rays.instance[lane] = instance
     rays.t[lane] = select(primitive >= 0, real(t), rays.t[lane])
 
 
@@ -224,14 +290,14 @@ def _store_hits(rays, scene, embree, memory, variant, real):
     """The hits of all lanes, as far as they are confirmed; returns a word of the lanes where they are not."""
     words = array_at(memory, np.int32)
     for lane in range(np.uint64(LANES)):
-        face, primitive = _candidate(scene, memory, lane, variant)
+        face, primitive, instance = _candidate(scene, embree, memory, lane, variant)
         t, unconfirmed = _candidate_distance(embree, memory, lane, variant), False
         if variant.triangles:
-            confirmed, exact = _confirmed(path_rays(rays), rays.origin_primitive, scene, lane, face, primitive, variant)
+            confirmed, exact = _confirmed(path_rays(rays), rays, scene, lane, face, primitive, instance, variant, real)
             unconfirmed = (face >= 0) & (not confirmed)
             if variant.refine:
                 t = select(face >= 0, exact, t)
-        _store_hit(rays, lane, select(unconfirmed, np.int32(-1), primitive), t, real)
+        _store_hit(rays, lane, select(unconfirmed, np.int32(-1), primitive), instance, t, variant, real)
         words[CANDIDATE + np.int64(lane)] = np.int32(1 if unconfirmed else 0)
     return _marked_lanes(words)
 
@@ -249,7 +315,8 @@ def _make_closest(variant: Variant, real: Any) -> Any:
     scratch, refine, width, widening = RayBatch.bytes(real), variant.refine, variant.width, variant.widening
     traced, planes = variant.triangles or variant.spheres or variant.analytic, variant.planes
     no_prefetching = Prefetching(0, False)
-    prefetching = Prefetching(3 * np.dtype(real).itemsize, variant.spheres or variant.planes or variant.analytic)
+    vertex_bytes = 0 if variant.instances else 3 * np.dtype(real).itemsize
+    prefetching = Prefetching(vertex_bytes, variant.spheres or variant.planes or variant.analytic)
 
     def closest(batch, scene_address):
         rays, scene, embree = (ray_batch(batch, real), scene_table(scene_address, real), embree_table(scene_address, real))
@@ -266,19 +333,20 @@ def _make_closest(variant: Variant, real: Any) -> Any:
                 while unconfirmed != 0:
                     lane = np.uint64(lowest_bit(unconfirmed))
                     unconfirmed &= unconfirmed - 1
-                    _, primitive = _candidate(scene, memory, lane, variant)
-                    _store_hit(rays, lane, primitive, _candidate_distance(embree, memory, lane, variant), real)
+                    _, primitive, instance = _candidate(scene, embree, memory, lane, variant)
+                    t = _candidate_distance(embree, memory, lane, variant)
+                    _store_hit(rays, lane, primitive, instance, t, variant, real)
         else:
             for lane in range(np.uint64(LANES)):
                 rays.primitive[lane] = -1
         if planes:
-            closest_planes(rays, scene, real)
+            closest_planes(rays, scene, real, variant.instances)
 
     return closest
 
 
 @inline
-def _store_shadows(rays, scene, memory, variant):
+def _store_shadows(rays, scene, embree, memory, variant, real):
     """Whether each lane's light is hidden; returns a word of the lanes where the face that hides it is not
     confirmed."""
     numbers, words = array_at(memory, np.float32), array_at(memory, np.int32)
@@ -288,7 +356,10 @@ def _store_shadows(rays, scene, memory, variant):
         unconfirmed = False
         if variant.refine and variant.triangles:
             face = np.int64(words[CANDIDATE + np.int64(lane)])
-            confirmed, _ = _confirmed(shadow_rays(rays), rays.origin_primitive, scene, lane, face, np.int32(-2), variant)
+            instance = _instance(memory, CANDIDATE_INSTANCE + np.int64(lane), variant)
+            if variant.instances and face >= 0:
+                face += _begin(scene, embree, instance, TRIANGLES)
+            confirmed, _ = _confirmed(shadow_rays(rays), rays, scene, lane, face, np.int32(-2), instance, variant, real)
             unconfirmed = hidden & (face >= 0) & (not confirmed)
         rays.shadow.occluded[lane] = 1 if hidden else 0
         words[CANDIDATE + np.int64(lane)] = np.int32(1 if unconfirmed else 0)
@@ -306,9 +377,9 @@ def _make_occluded(variant: Variant, real: Any) -> Any:
             memory = batch + scratch
             write_rays(shadow_rays(rays), embree, memory, width, widening, real)
             # the filter is called once an occluded ray, so only where there is something to leave out, or to write down
-            filtered = filters and (_note_origin_faces(rays, scene, memory, variant) or refine)
+            filtered = filters and (_note_origin_faces(rays, scene, embree, memory, variant) or refine)
             query_occluded(embree, embree.tree, memory, batch, width, filtered)
-            unconfirmed = _store_shadows(rays, scene, memory, variant)
+            unconfirmed = _store_shadows(rays, scene, embree, memory, variant, real)
             if refine and unconfirmed != 0:
                 _select_lanes(shadow_rays, rays, scene, embree, memory, unconfirmed, widening, variant, real)
                 query_occluded(embree, embree.exact_tree, memory, batch, width, False)

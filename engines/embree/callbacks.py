@@ -10,14 +10,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from engines.embree.geometries import bounds_and_distance
+from engines.embree.geometries import INSTANCES, bounds_and_distance
 from engines.embree.packet import (
     BATCH_OF_CONTEXT,
     CANDIDATE,
+    CANDIDATE_INSTANCE,
     GEOM_ID,
     ID,
+    INST_ID,
     NG_X,
     ORIGIN_FACE,
+    ORIGIN_INSTANCE,
     PRIM_ID,
     T_FAR,
     embree_table,
@@ -27,10 +30,12 @@ from engines.embree.packet import (
 from engines.kernels.compile.jit import compile_callback, inline
 from engines.kernels.compile.memory import array_at
 from engines.kernels.compile.records import Table, array, scalar, table_view
+from engines.kernels.compile.values import select
 from engines.kernels.layout import RayBatch, ray_batch, scene_table
+from engines.kernels.stages.instances import local_ray
 
-_PRIM_ID_OF_HIT = PRIM_ID - NG_X
-"""Where a hit alone holds it: RTCHitN is the end of RTCRayHitN."""
+_PRIM_ID_OF_HIT, _INST_ID_OF_HIT = PRIM_ID - NG_X, INST_ID - NG_X
+"""Where a hit alone holds them: RTCHitN is the end of RTCRayHitN."""
 
 
 class BoundsArguments(Table):
@@ -90,14 +95,15 @@ def _make_bounds(bounds_of: Any, real: Any) -> Any:
 
 
 @inline
-def _wins_tie(numbers, words, n, i, t, geometry, primitive):
-    """Whether a hit is as near as the one found, of the same kind and of lower index: Embree calls back in any
-    order."""
-    same = words[GEOM_ID * n + i] == geometry and primitive < np.int64(words[PRIM_ID * n + i])
-    return same and t == numbers[T_FAR * n + i]
+def _wins_tie(numbers, words, n, i, t, geometry, primitive, instance):
+    """Whether a hit is as near as the one found, of the same kind and of lower index, or of an instance before its: Embree
+    calls back in any order."""
+    found = words[INST_ID * n + i]
+    same = words[GEOM_ID * n + i] == geometry and primitive < np.int64(words[PRIM_ID * n + i]) and instance == found
+    return (same or instance < found) and t == numbers[T_FAR * n + i]
 
 
-def _make_query(distance_of: Any, any_hit: bool, real: Any) -> Any:
+def _make_query(distance_of: Any, any_hit: bool, instances: bool, real: Any) -> Any:
     rays_of = shadow_rays if any_hit else path_rays
 
     def query(address):
@@ -108,26 +114,36 @@ def _make_query(distance_of: Any, any_hit: bool, real: Any) -> Any:
         rays = rays_of(batch)
         numbers, words = array_at(arguments.packet, np.float32), array_at(arguments.packet, np.int32)
         n, geometry = _lower_half(arguments.rays_and_geometry), np.int32(arguments.rays_and_geometry >> 32)
-        scale = embree_table(arguments.scene, real).scaling[0].scale
+        scale, instance = embree_table(arguments.scene, real).scaling[0].of_rays, np.int32(-1)
+        if instances:
+            instance = np.int32(_lower_half(arguments.context[0]))
         for i in range(n):
             if valid[i] == 0:
                 continue
             lane = np.uint64(words[ID * n + i])
-            o, d, origin_primitive = rays.origin[lane], rays.direction[lane], batch.origin_primitive[lane]
+            o, d, origin_primitive, stretch = rays.origin[lane], rays.direction[lane], batch.origin_primitive[lane], 1.0
+            if instances and instance >= 0:
+                number = np.int64(instance) - INSTANCES
+                o, d, stretch = local_ray(scene.instances[number], o, d, real)
+                origin_primitive = select(batch.origin_instance[lane] == number, origin_primitive, -1)
             t = distance_of(scene, primitive, o, d, origin_primitive)
+            if instances:
+                t = t / stretch
             if t > 0.0 and t < np.float64(rays.t_max[lane]):
                 near = np.float32(t * scale)
                 if any_hit:
                     numbers[T_FAR * n + i] = np.float32(-np.inf)
-                elif near < numbers[T_FAR * n + i] or _wins_tie(numbers, words, n, i, near, geometry, primitive):
+                elif near < numbers[T_FAR * n + i] or _wins_tie(numbers, words, n, i, near, geometry, primitive, instance):
                     numbers[T_FAR * n + i] = near
                     words[PRIM_ID * n + i] = np.int32(primitive)
                     words[GEOM_ID * n + i] = geometry
+                    if instances:
+                        words[INST_ID * n + i] = instance
 
     return query
 
 
-def _make_filter(real: Any) -> Any:
+def _make_filter(instances: bool, real: Any) -> Any:
     scratch = RayBatch.bytes(real)
 
     def filter_hits(address):
@@ -140,10 +156,16 @@ def _make_filter(real: Any) -> Any:
             if valid[i] == 0:
                 continue
             lane, face = np.int64(rays[ID * n + i]), hits[_PRIM_ID_OF_HIT * n + i]
-            if face == record[ORIGIN_FACE + lane]:
+            same, instance = face == record[ORIGIN_FACE + lane], np.int32(-1)
+            if instances:
+                instance = hits[_INST_ID_OF_HIT * n + i]
+                same = same and instance == record[ORIGIN_INSTANCE + lane]
+            if same:
                 valid[i] = np.int32(0)
             else:
                 record[CANDIDATE + lane] = face
+                if instances:
+                    record[CANDIDATE_INSTANCE + lane] = instance
 
     return filter_hits
 
@@ -157,15 +179,15 @@ class Callbacks(NamedTuple):
 
 
 @cache
-def callbacks(geometry: int, analytic: tuple[int, ...], real: Any) -> Callbacks:
+def callbacks(geometry: int, analytic: tuple[int, ...], instances: bool, real: Any) -> Callbacks:
     """Of a geometry (`geometries.bounds_and_distance`), in a batch of `real` numbers; user data is the address of the
-    scene's table."""
+    scene's table, or of that of a group."""
     bounds, distance = bounds_and_distance(geometry, analytic)
-    parts = _make_bounds(bounds, real), _make_query(distance, False, real), _make_query(distance, True, real)
-    return Callbacks(*map(compile_callback, parts))
+    queries = (_make_query(distance, any_hit, instances, real) for any_hit in (False, True))
+    return Callbacks(*map(compile_callback, (_make_bounds(bounds, real), *queries)))
 
 
 @cache
-def hit_filter(real: Any) -> Any:
+def hit_filter(instances: bool, real: Any) -> Any:
     """The filter of Embree's own triangles."""
-    return compile_callback(_make_filter(real))
+    return compile_callback(_make_filter(instances, real))

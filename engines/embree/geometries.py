@@ -17,8 +17,8 @@ from engines.kernels.lane.shapes.triangle import ray_frame, shear, triangle_dist
 from engines.kernels.lane.vector import Vec3, to_float64
 from engines.kernels.stages.linear import analytic_distance
 
-TRIANGLES, SPHERES, ANALYTIC = range(3)
-"""Numbers of geometries in an RTCScene."""
+TRIANGLES, SPHERES, ANALYTIC, INSTANCES = range(4)
+"""Numbers of geometries in an RTCScene; that of the first instance, which the others follow."""
 
 
 @inline

@@ -20,7 +20,8 @@ from engines.packages import install
 # rtcore_common.h, rtcore_buffer.h, rtcore_geometry.h, rtcore_scene.h of Embree 4
 _INDEX_BUFFER, _VERTEX_BUFFER = 0, 1
 _UINT3, _FLOAT3 = 0x5003, 0x9003
-_TRIANGLES, _USER = 0, 120
+_TRIANGLES, _USER, _INSTANCE = 0, 120, 121
+_ROWS = 0x9134  # of a matrix, 3 x 4 float32
 _ROBUST, _FILTER_IN_ARGUMENTS = 1 << 2, 1 << 3
 QUALITIES = {"low": 0, "medium": 1, "high": 2}
 _VERSION_MAJOR, _VERSION_MINOR = 1, 2
@@ -48,6 +49,8 @@ _PROTOTYPES: dict[str, tuple[Any, list[Any]]] = {
     ),
     "rtcSetGeometryUserPrimitiveCount": (None, [ctypes.c_void_p, ctypes.c_uint]),
     "rtcSetGeometryUserData": (None, [ctypes.c_void_p, ctypes.c_void_p]),
+    "rtcSetGeometryInstancedScene": (None, [ctypes.c_void_p, ctypes.c_void_p]),
+    "rtcSetGeometryTransform": (None, [ctypes.c_void_p, ctypes.c_uint, ctypes.c_int, ctypes.c_void_p]),
     "rtcSetGeometryBoundsFunction": (None, [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p]),
     "rtcSetGeometryIntersectFunction": (None, [ctypes.c_void_p, ctypes.c_void_p]),
     "rtcSetGeometryOccludedFunction": (None, [ctypes.c_void_p, ctypes.c_void_p]),
@@ -149,6 +152,13 @@ class Device:
         self._embree.rtcSetGeometryBoundsFunction(geometry, bounds, None)
         self._embree.rtcSetGeometryIntersectFunction(geometry, intersect)
         self._embree.rtcSetGeometryOccludedFunction(geometry, occluded)
+        return geometry
+
+    def instance(self, scene: int, matrix: NDArray[np.float32]) -> int:
+        """A geometry that shows a scene of this device, placed by `matrix` (3, 4)."""
+        geometry = self._embree.rtcNewGeometry(self._device, _INSTANCE)
+        self._embree.rtcSetGeometryInstancedScene(geometry, scene)
+        self._embree.rtcSetGeometryTransform(geometry, 0, _ROWS, np.ascontiguousarray(matrix, np.float32).ctypes.data)
         return geometry
 
     def scene(self, geometries: Mapping[int, int], user_data: int, quality: str, robust: bool) -> int:

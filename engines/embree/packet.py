@@ -14,16 +14,17 @@ import numpy as np
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.memory import address_of, array_at, prefetch
 from engines.kernels.compile.processor import has_feature
-from engines.kernels.compile.records import LANES, Row, Table, real, rows, scalar, table_view
+from engines.kernels.compile.records import LANES, Row, Table, array, real, rows, scalar, table_view
 from engines.kernels.compile.values import call_function
 from engines.kernels.layout import ACCELERATOR
 
 
 class ScaleRow(Row):
     dtype = np.float64
-    scale = real()  # the power of two that makes the scene about as large as 1
+    scale = real()  # the power of two that makes the scene, or the group, about as large as 1
     inverse = real()
     padding = real()  # of bounding boxes, in the scene's unit
+    of_rays = real()  # `scale` of the scene
 
 
 class EmbreeTable(Table, first=ACCELERATOR):
@@ -37,6 +38,7 @@ class EmbreeTable(Table, first=ACCELERATOR):
     filter = scalar()  # address of `callbacks.hit_filter`
     scaling = rows(ScaleRow)  # one
     one_by_one = scalar()  # 1 where closest hits of incoherent rays are found ray by ray
+    begins = array(np.int32)  # of each group: its first triangle, sphere and analytic shape among the scene's
 
 
 embree_table = table_view(EmbreeTable)
@@ -55,7 +57,8 @@ CANDIDATE = (
     CONTEXT + 4
 )  # sixteen ints: the face that the filter has let pass for each lane, -1 for none; then a mark of each lane
 ORIGIN_FACE = CANDIDATE + LANES  # sixteen ints: the triangle that each lane's ray starts from, -1 for none
-SINGLE = -(-(ORIGIN_FACE + LANES) // 16) * 16  # one RTCRayHit, for rays that are traced alone
+CANDIDATE_INSTANCE, ORIGIN_INSTANCE = ORIGIN_FACE + LANES, ORIGIN_FACE + 2 * LANES  # their geometries, -1 outside of groups
+SINGLE = -(-(ORIGIN_INSTANCE + LANES) // 16) * 16  # one RTCRayHit, for rays that are traced alone
 SCRATCH_WORDS = SINGLE + PACKET_FIELDS
 _INVOKE_FILTER, _COHERENT, _ALL_FEATURES = 1 << 1, 1 << 16, -1
 
@@ -170,6 +173,7 @@ def _query_one(embree, tree, memory, i, width):
     words[i + T_FAR * width] = words[SINGLE + T_FAR]
     words[i + PRIM_ID * width] = words[SINGLE + PRIM_ID]
     words[i + GEOM_ID * width] = words[SINGLE + GEOM_ID]
+    words[i + INST_ID * width] = words[SINGLE + INST_ID]
 
 
 class Prefetching(NamedTuple):

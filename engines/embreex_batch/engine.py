@@ -13,12 +13,14 @@ from engines.interface import Settings
 from engines.numpy_reference.accelerators.exhaustive import Exhaustive
 from engines.numpy_reference.accelerators.nearest import Part
 from engines.numpy_reference.accelerators.tracer import Tracer
+from engines.numpy_reference.accelerators.turned import TurnedParts
 from engines.numpy_reference.engine import supported
 from engines.numpy_reference.geometry import Geometry
 from engines.numpy_reference.renderer import Renderer
 from engines.numpy_reference.shapes import Triangles
 from engines.packages import install
 from engines.scene import Mesh, Scene, Triangle
+from engines.scene.shapes import singles
 
 _OPTIONS = {
     "robust": Option(
@@ -53,7 +55,8 @@ class Engine:
 
     def _supported(self, scene: Scene, settings: Settings) -> Settings:
         found = supported(scene, settings, ACCELERATORS, self.name)
-        if scene.shapes and not any(isinstance(shape, Triangle | Mesh) for shape in scene.shapes):
+        shapes = [shape for _, shape in singles(scene.shapes)]
+        if shapes and not any(isinstance(shape, Triangle | Mesh) for shape in shapes):
             raise Unsupported("embreex holds triangles only, and none of the shapes is one")
         try:
             metadata.version("embreex")
@@ -63,12 +66,18 @@ class Engine:
 
 
 def _tracer(geometry: Geometry, accelerator: Choice) -> Tracer:
+    parts = _parts(geometry, accelerator.options["robust"])
+    return Tracer(geometry, Choice("embree", accelerator.options), parts, epsilon=float(np.finfo(np.float32).eps))
+
+
+def _parts(geometry: Geometry, robust: bool) -> list[Part]:
     from engines.embreex_batch.triangles import BatchTriangles
 
-    parts: list[Part] = []
-    for primitives in geometry.sets:
-        if primitives.primitive_id.size:
-            batch = isinstance(primitives, Triangles)
-            parts.append(BatchTriangles(primitives, accelerator.options["robust"]) if batch else Exhaustive(primitives))
-    chosen = Choice("embree", accelerator.options)
-    return Tracer(geometry, chosen, parts, epsilon=float(np.finfo(np.float32).eps))
+    parts: list[Part] = [
+        BatchTriangles(primitives, robust) if isinstance(primitives, Triangles) else Exhaustive(primitives)
+        for primitives in geometry.sets
+        if primitives.primitive_id.size
+    ]
+    if geometry.instances is not None:
+        parts.append(TurnedParts(geometry.instances, [_parts(group, robust) for group in geometry.groups], tree=True))
+    return parts

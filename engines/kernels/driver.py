@@ -91,6 +91,7 @@ def _push(rays, stacks, lane, capacity):
     top.throughput[lane] = rays.branch.throughput[lane]
     top.depth[lane] = rays.path.depth[lane]
     top.origin_primitive[lane] = rays.origin_primitive[lane]
+    top.origin_instance[lane] = rays.origin_instance[lane]
     rays.waiting[lane] = waiting + 1
     return True
 
@@ -107,6 +108,7 @@ def _pop(rays, stacks, lane, per_vertex):
     depth = top.depth[lane]
     rays.path.depth[lane] = depth
     rays.origin_primitive[lane] = top.origin_primitive[lane]
+    rays.origin_instance[lane] = top.origin_instance[lane]
     rays.dimension[lane] = CAMERA_DIMENSIONS + VERTEX_DIMENSIONS * (depth - 1) * per_vertex
     rays.t[lane] = math.inf
     rays.waiting[lane] = waiting
@@ -241,6 +243,7 @@ def _cross_null_lobes(rays, stages, shadows, scene, media, real):
         walk.shadow.t_max[lane] = rays.shadow.t_max[lane]
         walk.shadow.destination[lane] = rays.shadow.destination[lane]
         walk.origin_primitive[lane] = rays.origin_primitive[lane]
+        walk.origin_instance[lane] = rays.origin_instance[lane]
         walk.shadow.transmittance[lane] = WHITE
     if media:
         for lane in range(np.uint64(LANES)):

@@ -15,6 +15,8 @@ class SceneFeatures(NamedTuple):
     planes: bool = False
     analytic: tuple[int, ...] = ()
     """Kinds of the bounded shapes, besides spheres, that have a formula."""
+    instances: bool = False
+    """Some shapes are groups, placed by matrices."""
     smooth: bool = False
     """Triangles with vertex normals."""
     bsdfs: tuple[int, ...] = ()

@@ -2,7 +2,8 @@
 
 A *ray batch* is the state of sixteen paths, one a lane. The *scene* is a table of arrays; geometry is relative to
 `FlatScene.center`, in the tracing precision unless it says otherwise. Every primitive has an id: its place in the order
-of shapes, then of primitives within a shape. Among hits at equal distances the lowest id wins.
+of shapes that are no instances, then of primitives within a shape; behind them come those of each group, once. Among hits at
+equal distances the lowest id wins. What a ray meets or leaves is a pair (instance, primitive), where there are instances.
 """
 
 from __future__ import annotations
@@ -47,6 +48,7 @@ from engines.kernels.rows import (
     CameraRow,
     EnvironmentRow,
     GuideRow,
+    InstanceRow,
     LeafRow,
     LightFrameRow,
     LightRow,
@@ -341,6 +343,10 @@ class RayBatch(LaneRecord):
     target_begin = real()  # the sum of those before a candidate
     target = real()  # of the candidate that is picked
 
+    # in scenes with instances
+    instance = integer()  # in which the primitive was hit, -1 for none
+    origin_instance = integer()  # the same of `origin_primitive`, where that is not -1
+
 
 PATH_NUMBERS = RayBatch.fields["waiting"].first + 1
 """Numbers of a lane, from the first on, that are its path."""
@@ -360,15 +366,17 @@ class WaitingRay(LaneRecord):
     throughput = vector()
     depth = integer()
     origin_primitive = integer()
+    origin_instance = integer()
 
 
 class SceneTable(Table):
     """What stages read. Indices are int32."""
 
     n_triangles = scalar()
-    n_spheres = scalar()
+    n_spheres = scalar()  # outside of groups, as the next two
     n_planes = scalar()
     n_analytic = scalar()
+    n_instances = scalar()
     n_lights = scalar()
     light_choices = scalar()  # the lights of which one is chosen: all, or 1 where the integrator visits each
     n_unbounded_lights = scalar()
@@ -390,6 +398,8 @@ class SceneTable(Table):
     analytic = rows(AnalyticRow)
     analytic_primitives = array(np.int32)
     analytic_bounds = array(np.float64)  # six a shape: lowest and highest coordinates
+    instances = rows(InstanceRow)
+    instance_bounds = array(np.float64)  # six each, as of analytic shapes
     primitives = rows(PrimitiveRow)
     materials = rows(MaterialRow)
     lights = rows(LightRow)

@@ -13,7 +13,7 @@ from engines.kernels.compile.jit import inline, kernel
 from engines.kernels.compile.values import call_stage
 from engines.kernels.compile.vec3 import Vec3
 from engines.kernels.driver import make_idle
-from engines.kernels.layout import LANES, SURFACE, ray_batch
+from engines.kernels.layout import LANES, SURFACE, ray_batch, scene_table
 
 Reals = NDArray[np.float64]
 
@@ -78,14 +78,37 @@ def _load_rays(rays, origin, direction, far, lengths, origins, directions, t_max
     return traced
 
 
+@inline
+def _in_instance(instance, primitive):
+    """(shape, index within it) of a primitive of a group."""
+    return np.int64(instance.shape), primitive - np.int64(instance.first)
+
+
 @cache
-def tracer(real: Any) -> Any:
-    """The kernel that finds closest hits of rays first .. last - 1; returns how many of them can hit anything."""
+def tracer(instances: bool, real: Any) -> Any:
+    """The kernel that finds closest hits of rays first .. last - 1; returns how many of them can hit anything. With `instances`
+    for scenes that have some."""
 
     def trace(
-        stages, batch, scene, origins, directions, t_max, center, first, last, first_id, t, shape, primitive, normal, u, v
+        stages,
+        batch,
+        scene,
+        origins,
+        directions,
+        t_max,
+        center,
+        first,
+        last,
+        first_id,
+        places,
+        t,
+        shape,
+        primitive,
+        normal,
+        u,
+        v,
     ):
-        rays = ray_batch(batch, real)
+        rays, table = ray_batch(batch, real), scene_table(scene, real)
         lengths, traced = np.empty(LANES), 0
         for start in range(first, last, LANES):
             traced += _load_rays(
@@ -98,6 +121,12 @@ def tracer(real: Any) -> Any:
                 if i < last:
                     hit = rays.hit.kind[lane] == SURFACE
                     shape[i], primitive[i] = _shape_of(np.int64(rays.primitive[lane]), first_id)
+                    if instances and hit:
+                        if rays.instance[lane] >= 0:
+                            met = table.instances[np.int64(rays.instance[lane])]
+                            shape[i], primitive[i] = _in_instance(met, np.int64(rays.primitive[lane]))
+                        else:
+                            shape[i] = places[shape[i]]
                     t[i] = np.float64(rays.t[lane]) / lengths[lane] if hit else math.inf
                     n = rays.hit.geometric_normal[lane]
                     normal[i, 0] = n.x if hit else 0.0

@@ -25,7 +25,7 @@ from engines.kernels.flatten.guide import bind_guide
 from engines.kernels.flatten.light_samplers import bind_light_cells, bind_light_sampler
 from engines.kernels.guide_records import records_of
 from engines.kernels.layout import LANES, SHADER_OPTIONS, VERTEX_DRAWS, SceneTable, aligned, batch_bytes, stack_bytes
-from engines.kernels.resolve import known
+from engines.kernels.resolve import known, no_instances
 from engines.kernels.stages import camera, sampler, shade, surface
 from engines.light_cells import light_cells
 from engines.scene import Camera, Scene, Shape
@@ -97,6 +97,8 @@ class Renderer:
         """Takes `scene`; where that fails, everything is left as it was."""
         start, compiled = time.perf_counter(), jit.compile_seconds
         flat = flatten(scene, self._real, self._tracing)
+        if flat.features.instances and not getattr(self._accelerator, "instances", False):
+            raise Unsupported(no_instances(self._accelerator.name))
         bind_light_sampler(flat, scene, shade.light_sampler(self._wanted.shader))
         flat.features = shade.with_integrator(flat.features, self._wanted.shader)
         self._accelerator.build(flat, self._wanted.threads)
@@ -364,7 +366,8 @@ class Renderer:
         n = len(o)
         t, shape, primitive, normal = np.empty(n), np.empty(n, np.int64), np.empty(n, np.int64), np.empty((n, 3))
         hits = t, shape, primitive, normal, np.empty(n), np.empty(n)
-        traced = self._share(queries.tracer(self._real), n, o, d, t_max, (self._flat.first_id, *hits))
+        kernel = queries.tracer(self._flat.features.instances, self._real)
+        traced = self._share(kernel, n, o, d, t_max, (self._flat.first_id, self._flat.places, *hits))
         return Hits(*hits), traced
 
     def _occluded(self, o: Reals, d: Reals, t_max: Reals) -> tuple[NDArray[np.bool_], int]:

@@ -21,6 +21,7 @@ from engines.scene import (
     CustomLight,
     EnvironmentLight,
     HomogeneousMedium,
+    Instance,
     Mesh,
     Plane,
     Scene,
@@ -34,8 +35,13 @@ from engines.scene.support import foreign, option_numbers, plugin_without, refus
 
 def known() -> frozenset[type]:
     """The types of scenes that are rendered, as the registries have them now."""
-    shapes = (Plane, Sphere, SphereSet, Triangle, Mesh, *ANALYTIC)
+    shapes = (Plane, Sphere, SphereSet, Triangle, Mesh, Instance, *ANALYTIC)
     return frozenset({*get_args(Camera), *shapes, *ROWS, *KINDS, *WRAPPERS, *get_args(Texture), HomogeneousMedium})
+
+
+def no_instances(accelerator: str) -> str:
+    """What an accelerator lacks that finds no instances."""
+    return f"the accelerator {accelerator} finds no instances"
 
 
 def supported(scene: Scene, settings: Settings, accelerators: Table, precision: str, engine: str) -> Settings:

@@ -37,6 +37,26 @@ class AnalyticRow(Row):
     parameters = reals(SHAPE_PARAMETERS)
 
 
+class InstanceRow(Row):
+    """How a group is placed: the rows of the matrix and of its inverse, which take differences of points from the group's
+    coordinates to the tracing coordinates and back, and where the group's origin comes to lie. Then the group; the place among
+    the scene's shapes; the id of the first primitive of the group; and the lowest id of the shapes behind it that are no
+    instances: of hits at equal distances those of lower ids win, and lose those of others."""
+
+    dtype = np.float64
+    out_x = vector()
+    out_y = vector()
+    out_z = vector()
+    in_x = vector()
+    in_y = vector()
+    in_z = vector()
+    moved = vector()
+    group = real()
+    shape = real()
+    first = real()
+    behind = real()
+
+
 class PrimitiveRow(Row):
     """Kind of the shape, index among those of its kind, material, light (-1: not in the list of lights)."""
 

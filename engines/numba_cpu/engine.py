@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from typing import Any
 
 from engines.choices import Option, number, one_of
-from engines.errors import why_unsupported
+from engines.errors import Unsupported, why_unsupported
 from engines.interface import Settings
 from engines.kernels.renderer import Renderer
-from engines.kernels.resolve import supported
+from engines.kernels.resolve import no_instances, supported
 from engines.numba_cpu.accel import area_hierarchy, bvh, grid, none
 from engines.numba_cpu.accel.choice import choose
-from engines.scene import Scene
+from engines.scene import Instance, Scene
 
 ACCELERATORS: dict[str, dict[str, Option]] = {
     "auto": {},
@@ -57,7 +57,12 @@ class Engine:
         return Renderer(scene, chosen, make(accelerator.options))
 
     def _supported(self, scene: Scene, settings: Settings) -> Settings:
-        return supported(scene, settings, ACCELERATORS, "float64", self.name)
+        chosen = supported(scene, settings, ACCELERATORS, "float64", self.name)
+        accelerator: Any = chosen.accelerator
+        finds = accelerator.name == "auto" or getattr(MADE.get(accelerator.name), "instances", False)
+        if not finds and any(isinstance(shape, Instance) for shape in scene.shapes):
+            raise Unsupported(no_instances(accelerator.name))
+        return chosen
 
     def auto_accelerator(self, scene: Scene, settings: Settings) -> str:
         """What `accelerator: auto` takes, and why; see `engines.interface.Engine`."""

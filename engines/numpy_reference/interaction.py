@@ -9,6 +9,7 @@ import numpy as np
 
 from engines.numpy_reference.accelerators.nearest import Nearest
 from engines.numpy_reference.geometry import Geometry
+from engines.numpy_reference.instances import Turned
 from engines.numpy_reference.shapes import Triangles
 from engines.numpy_reference.vectors import Array, Indices, Mask, dot
 
@@ -105,7 +106,7 @@ def surface_interaction(
     geometric = np.where(front, outward, -outward)
     normal = np.where(dot(shading, geometric) < 0.0, -shading, shading)
     normal = np.where(dot(direction, normal) < 0.0, normal, geometric)  # one that the viewer cannot see will not do
-    material = geometry.material[hits.primitive_id]
+    material = geometry.material[geometry.row(hits.primitive_id)]
     found = SurfaceInteraction(point, -direction, geometric, normal, dp_du, front, material, hits.primitive_id, offset * scale)
     return found if placed is None else _with_coordinates(found, geometry, origin, direction, placed)
 
@@ -131,6 +132,6 @@ def barycentric(geometry: Geometry, origin: Array, direction: Array, primitive_i
     """(n,) weights of the second and third vertex where rays hit triangles; 0 on other shapes."""
     u, v = np.zeros(primitive_id.size), np.zeros(primitive_id.size)
     for primitives, lanes, index in geometry.by_kind(primitive_id):
-        if isinstance(primitives, Triangles):
+        if isinstance(primitives, Triangles | Turned):
             u[lanes], v[lanes] = primitives.barycentric(index, origin.take(lanes, axis=1), direction.take(lanes, axis=1))
     return u, v

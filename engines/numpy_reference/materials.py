@@ -8,6 +8,7 @@ import numpy as np
 
 from engines.numpy_reference.bsdf import BSDF, BSDFS, BSDFSample, Lobes, NullLobes, Refracts
 from engines.numpy_reference.geometry import Geometry
+from engines.numpy_reference.instances import Turned
 from engines.numpy_reference.interaction import SurfaceInteraction
 from engines.numpy_reference.shapes import Primitives
 from engines.numpy_reference.textures import ColorParameter
@@ -79,7 +80,10 @@ class Materials:
         found = np.empty(at.wo.shape)
         for shapes, lanes, index in self._geometry.by_kind(at.primitive_id):
             there = at.take(lanes)
-            found[:, lanes] = self.radiance(shapes, index, there.material, there.wo, there.point)
+            if isinstance(shapes, Turned):  # no group emits
+                found[:, lanes] = 0.0
+            else:
+                found[:, lanes] = self.radiance(shapes, index, there.material, there.wo, there.point)
         return found
 
     def walk(self, at: SurfaceInteraction, u: Array) -> tuple[SurfaceInteraction, Array]:

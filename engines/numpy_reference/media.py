@@ -12,7 +12,7 @@ from engines.numpy_reference.distribution import BELOW_ONE, last_begun
 from engines.numpy_reference.geometry import Geometry
 from engines.numpy_reference.interaction import SurfaceInteraction
 from engines.numpy_reference.vectors import Array, Indices, Mask, along, dot
-from engines.scene import HomogeneousMedium, Shape
+from engines.scene import HomogeneousMedium, Shape, singles
 
 VACUUM = -1
 """Where there is no medium: the last column of every table."""
@@ -72,16 +72,18 @@ class Media:
         self.sigma_t = np.array([medium.sigma_t for medium in columns]).T
         self.albedo = np.array([medium.albedo for medium in columns]).T
         self.g = np.array([medium.g for medium in columns])
-        sides = [*((shape.interior, shape.exterior) for shape in shapes), (None, None)]  # the last row is that of no shape
+        # the last row is that of no shape
+        sides = [*((shape.interior, shape.exterior) for _, shape in singles(shapes)), (None, None)]
         self._interior, self._exterior = np.array([[VACUUM if side is None else side for side in pair] for pair in sides]).T
         self._boundary = (self._interior != VACUUM) | (self._exterior != VACUUM)
-        self._shape = np.append(geometry.shape, -1)
+        self._geometry = geometry
 
     def beyond(self, at: SurfaceInteraction | MediumInteraction, wi: Array, medium: Indices) -> Indices:
         """(n,) the media that rays along `wi` enter; the given one, where the surface is no boundary of media."""
         if not self.any or isinstance(at, MediumInteraction):
             return medium
-        shape = self._shape[at.primitive_id]
+        met = at.primitive_id >= 0
+        shape = np.where(met, self._geometry.single[self._geometry.row(np.where(met, at.primitive_id, 0))], -1)
         cosine = dot(at.geometric, wi)
         outside = np.where(at.front, cosine, -cosine) > 0.0
         return np.where(self._boundary[shape], np.where(outside, self._exterior[shape], self._interior[shape]), medium)

@@ -30,7 +30,7 @@ from engines.numpy_reference.sampler import Sampler
 from engines.numpy_reference.shader import shader_function
 from engines.numpy_reference.shapes import SHAPES
 from engines.numpy_reference.vectors import Array, Indices, norm
-from engines.scene import Camera, HomogeneousMedium, Scene, Shape, Texture, ThinLens, Wrapper
+from engines.scene import Camera, HomogeneousMedium, Instance, Scene, Shape, Texture, ThinLens, Wrapper
 from engines.scene.support import foreign, plugin_without
 
 CHUNK = 32_768
@@ -38,7 +38,7 @@ CHUNK = 32_768
 
 
 KNOWN: frozenset[type] = frozenset(
-    {*BSDFS, *LIGHTS, *SHAPES, *get_args(Wrapper), *get_args(Texture), *get_args(Camera), HomogeneousMedium}
+    {*BSDFS, *LIGHTS, *SHAPES, Instance, *get_args(Wrapper), *get_args(Texture), *get_args(Camera), HomogeneousMedium}
 )
 """The types of scenes that are rendered."""
 
@@ -141,7 +141,7 @@ class Renderer:
         primitive_id = nearest.primitive_id
         hits = Hits(np.full(n, np.inf), np.full(n, -1), np.full(n, -1), np.zeros((n, 3)), np.zeros(n), np.zeros(n))
         hits.t[lanes] = nearest.t / length[found]
-        hits.shape[lanes], hits.primitive[lanes] = geometry.shape[primitive_id], geometry.primitive[primitive_id]
+        hits.shape[lanes], hits.primitive[lanes] = geometry.place(primitive_id)
         hits.normal[lanes] = self._context.surface(*rays, nearest).geometric.T
         hits.u[lanes], hits.v[lanes] = barycentric(geometry, *rays, primitive_id)
         return hits

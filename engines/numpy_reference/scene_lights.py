@@ -16,6 +16,7 @@ from engines.numpy_reference.interaction import SurfaceInteraction
 from engines.numpy_reference.lights import LIGHTS, InfiniteLightSet, LightSample, LightSet
 from engines.numpy_reference.lights.area import AreaLights
 from engines.numpy_reference.materials import Materials
+from engines.numpy_reference.shapes import Primitives
 from engines.numpy_reference.vectors import Array, Indices, dot
 from engines.scene import Light
 
@@ -40,14 +41,14 @@ class Lights:
     """All J lights. `count` is J; `delta` (J,) says which have no size; `infinite` are those at infinity."""
 
     def __init__(self, lights: Sequence[Light], geometry: Geometry, materials: Materials) -> None:
-        primitive_id, place = _emitting(geometry, materials, len(lights))
-        self.count = len(lights) if not primitive_id.size else int(place[-1]) + 1
+        row, place = _emitting(geometry, materials, len(lights))
+        self.count = len(lights) if not row.size else int(place[-1]) + 1
         self.delta = np.zeros(self.count, bool)
         self._geometry = geometry
         self._sets: list[LightSet | AreaLights] = []
         self._set, self._member = np.zeros(self.count, np.int64), np.zeros(self.count, np.int64)
         self._light = np.full(geometry.kind.size, -1)
-        self._light[primitive_id] = place
+        self._light[row] = place
         # the entries of the scene's list
         for kind in dict.fromkeys(LIGHTS.values()):
             places = np.flatnonzero([LIGHTS[type(light)] is kind for light in lights])
@@ -56,10 +57,10 @@ class Lights:
         listed = [(self._sets[self._set[j]], int(self._member[j]), j) for j in range(len(lights))]
         self.infinite = [Infinite(cast(InfiniteLightSet, found), *place) for found, *place in listed if found.infinite]
         # shapes that emit
-        for shapes, lanes, index in geometry.by_kind(primitive_id):
+        for shapes, lanes, index in geometry.by_kind(geometry.primitive_id[row]):
             places, light = np.unique(place[lanes], return_inverse=True)
-            material = geometry.material[primitive_id[lanes]]
-            self._enter(places, AreaLights(shapes, index, light, materials, material))
+            lit = cast(Primitives, shapes)  # no group emits
+            self._enter(places, AreaLights(lit, index, light, materials, geometry.material[row[lanes]]))
 
     def _enter(self, places: Indices, lights: LightSet | AreaLights) -> None:
         self._set[places] = len(self._sets)
@@ -82,13 +83,13 @@ class Lights:
 
     def of_primitive(self, primitive_id: Indices) -> Indices:
         """(n,) the light that each primitive belongs to, -1 for none."""
-        return self._light[primitive_id]
+        return self._light[self._geometry.row(primitive_id)]
 
     def pdf(self, found: SurfaceInteraction, origin: Array, distance: Array) -> Array:
         """(n,) per solid angle, with which its light's sample would have found each emitting surface from `origin`; 0
         where the surface is in no list. The choice of the light is not included."""
         pdf = np.zeros(distance.size)
-        light = self._light[found.primitive_id]
+        light = self.of_primitive(found.primitive_id)
         cosine = dot(found.wo, found.geometric)
         listed = np.flatnonzero(light >= 0)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore", under="ignore"):
@@ -101,11 +102,12 @@ class Lights:
 
 
 def _emitting(geometry: Geometry, materials: Materials, first: int) -> tuple[Indices, Indices]:
-    """Ids of the primitives that are sampled as lights, and the place of each one's light in the list."""
-    emits = (materials.emission > 0.0).any(axis=0)
-    bounded = np.array([primitives.bounded for primitives in geometry.sets])[geometry.kind]
-    primitive_id = np.flatnonzero(emits[geometry.material] & bounded & (geometry.index >= 0))
-    shape = geometry.shape[primitive_id]
-    own = np.array([primitives.separate_lights for primitives in geometry.sets])[geometry.kind[primitive_id]]
+    """Rows of the primitives that are sampled as lights, none of them of a group, and the place of each one's light in the
+    list."""
+    emits, kind = (materials.emission > 0.0).any(axis=0)[geometry.material], geometry.kind[: geometry.shape.size]
+    bounded = np.array([primitives.bounded for primitives in geometry.sets])[kind]
+    row = np.flatnonzero(emits[: kind.size] & bounded & (geometry.index[: kind.size] >= 0))
+    shape = geometry.shape[row]
+    own = np.array([primitives.separate_lights for primitives in geometry.sets])[kind[row]]
     starts = own | (shape != np.concatenate([[-1], shape[:-1]]))
-    return primitive_id, first + np.cumsum(starts) - 1
+    return row, first + np.cumsum(starts) - 1

@@ -7,6 +7,7 @@ from engines.scene import bsdf, cameras, lights, materials, media, mesh, models,
 from engines.scene.bsdf import *
 from engines.scene.cameras import *
 from engines.scene.files import names_a_file
+from engines.scene.flattening import flattened
 from engines.scene.lights import *
 from engines.scene.load import load_scene, scene_from
 from engines.scene.materials import *
@@ -19,7 +20,7 @@ from engines.scene.textures import *
 from engines.scene.triple import *
 from engines.scene.write import save_scene
 
-__all__ = ["load_scene", "names_a_file", "save_scene", "scene_from"]
+__all__ = ["flattened", "load_scene", "names_a_file", "save_scene", "scene_from"]
 __all__ += bsdf.__all__
 __all__ += cameras.__all__
 __all__ += lights.__all__

@@ -19,7 +19,7 @@ from engines.scene.materials import Material
 from engines.scene.media import HomogeneousMedium
 from engines.scene.mesh import Mesh
 from engines.scene.models import Conductor, CustomBSDF
-from engines.scene.shapes import Shape
+from engines.scene.shapes import Instance, Shape, Single, groups_of
 from engines.scene.textures import ImageTexture
 from engines.source_files import OWN, code_files, digest
 
@@ -45,28 +45,44 @@ def content_hash(
     media: Sequence[HomogeneousMedium] = (),
 ) -> str:
     """sha256, in hexadecimal, over the camera without its resolution, the shapes in order with their materials by
-    value, and the lights in order. Materials and media that nothing uses do not count, and neither
-    do a mesh's texture coordinates and attributes where none of its materials looks at them."""
+    value (of an instance the group's shapes and the matrix), and the lights in order. Materials and media that nothing uses do
+    not count, and neither do a mesh's texture coordinates and attributes where none of its materials looks at them."""
     digest = hashlib.sha256(VERSION)
     _feed(digest, _camera(camera))
     if (medium := getattr(camera, "medium", None)) is not None:
         _feed(digest, ["medium", _fields(media[medium], {"name"})])
     values = [_material(material) for material in materials]
+    groups: dict[int, str] = {}
+    for group in groups_of(shapes):
+        hashed = hashlib.sha256()
+        for shape in group.shapes:
+            _feed_shape(hashed, shape, materials, values, media)
+        groups[id(group)] = hashed.hexdigest()
     for shape in shapes:
-        if isinstance(shape, Mesh):
-            _feed(digest, ["Mesh", shape.vertices, shape.faces, shape.normals, *_mesh_materials(shape, values)])
-            if shape.uvs is not None and any(materials[index].uses_uvs for index in np.unique(shape.materials)):
-                _feed(digest, ["uvs", shape.uvs])
-            if shape.attributes and (shown := set().union(*(materials[i].attributes for i in np.unique(shape.materials)))):
-                _feed(digest, ["attributes", {name: shape.attributes[name] for name in shown & shape.attributes.keys()}])
+        if isinstance(shape, Instance):
+            _feed(digest, ["Instance", groups[id(shape.group)], shape.matrix])
         else:
-            _feed(digest, [_fields(shape, {"material", "name", "interior", "exterior"}), values[shape.material]])
-        if shape.is_boundary:
-            sides = (None if side is None else _fields(media[side], {"name"}) for side in (shape.interior, shape.exterior))
-            _feed(digest, ["media", *sides])
+            _feed_shape(digest, shape, materials, values, media)
     for light in lights:
         _feed(digest, _part(light))
     return digest.hexdigest()
+
+
+def _feed_shape(
+    digest: Any, shape: Single, materials: Sequence[Material], values: Sequence[list[Any]], media: Sequence[HomogeneousMedium]
+) -> None:
+    """Adds a shape with its materials, whose `values` these are, and the media on its sides."""
+    if isinstance(shape, Mesh):
+        _feed(digest, ["Mesh", shape.vertices, shape.faces, shape.normals, *_mesh_materials(shape, values)])
+        if shape.uvs is not None and any(materials[index].uses_uvs for index in np.unique(shape.materials)):
+            _feed(digest, ["uvs", shape.uvs])
+        if shape.attributes and (shown := set().union(*(materials[i].attributes for i in np.unique(shape.materials)))):
+            _feed(digest, ["attributes", {name: shape.attributes[name] for name in shown & shape.attributes.keys()}])
+    else:
+        _feed(digest, [_fields(shape, {"material", "name", "interior", "exterior"}), values[shape.material]])
+    if shape.is_boundary:
+        sides = (None if side is None else _fields(media[side], {"name"}) for side in (shape.interior, shape.exterior))
+        _feed(digest, ["media", *sides])
 
 
 def _camera(camera: Camera) -> Any:

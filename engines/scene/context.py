@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from engines.scene.bsdf import MAX_DEPTH, Bsdf
 from engines.scene.files import Place
@@ -88,7 +89,8 @@ class SceneReader:
 
     `material` is the index of the material of the shape being read, None where a mesh file brings its own
     or its faces have one of `face_materials` each. `degenerate`
-    counts triangles without area.
+    counts triangles without area. `groups` are those that instances may show, `group` is the name of the one being read, empty
+    outside of groups, and `instances` counts instances.
     """
 
     place: Place
@@ -102,4 +104,7 @@ class SceneReader:
     material: int | None = None
     face_materials: list[int] = field(default_factory=list)
     degenerate: int = 0
+    groups: dict[str, Any] = field(default_factory=dict)
+    group: str = ""
+    instances: int = 0
     warnings: list[str] = field(default_factory=list)

@@ -207,9 +207,12 @@ def _scale(node: Located) -> NDArray[np.float64]:
     return scale
 
 
-def _transform(node: Located) -> NDArray[np.float64]:
+def _matrix(node: Located) -> NDArray[np.float64]:
     """(3, 4) of a matrix of 3 x 3, 3 x 4 or 4 x 4 numbers."""
-    rows = locate(node.value.tolist()).value if isinstance(node.value, np.ndarray) else node.value
+    array = node.value if isinstance(node.value, np.ndarray) else None
+    if array is not None and array.shape == (3, 4) and array.dtype == np.float64 and np.isfinite(array).all():
+        return array
+    rows = locate(array.tolist()).value if array is not None else node.value
     sizes = {len(row.value) if isinstance(row.value, list) else 0 for row in rows} if isinstance(rows, list) else set()
     if not sizes <= {3, 4} or len(sizes) != 1 or len(rows) not in (3, 4) or (len(rows), *sizes) == (4, 3):
         raise node.refuse("must be a matrix of 3 x 3, 3 x 4 or 4 x 4 numbers")
@@ -218,6 +221,12 @@ def _transform(node: Located) -> NDArray[np.float64]:
         raise node.refuse("must be affine: its last row must be [0, 0, 0, 1]")
     matrix = np.zeros((3, 4))
     matrix[:, : numbers.shape[1]] = numbers[:3]
+    return matrix
+
+
+def _transform(node: Located) -> NDArray[np.float64]:
+    """A matrix that does not flatten."""
+    matrix = _matrix(node)
     if is_singular(matrix[:, :3]):
         raise node.refuse("must not be singular")
     return matrix
@@ -250,6 +259,7 @@ def _placed(given: Given, data: MeshData) -> MeshData:
     return replace(data, vertices=vertices, normals=normals, faces=faces)
 
 
+MATRIX = Kind(_matrix, array_of(array_of(NUMBER.json, 3, 4), 3, 4))
 _ATTRIBUTE = {"type": "array", "items": {"anyOf": [array_of(NUMBER.json, 1), array_of(NUMBER.json, 3)]}}
 _PAIRS = {"type": "array", "items": array_of(NUMBER.json, 2)}
 MESH = Record(
@@ -273,7 +283,7 @@ MESH = Record(
         "scale": Key(Kind(_scale, {"anyOf": [POSITIVE.json, POINT.json]}), "Factor of coordinates, or one for each axis.", 1),
         "translate": Key(POINT, "Vector that is added after scaling.", [0, 0, 0], unit="metres"),
         "transform": Key(
-            Kind(_transform, array_of(array_of(NUMBER.json, 3, 4), 3, 4)),
+            Kind(_transform, MATRIX.json),
             "Instead of scale and translate, a matrix of 3 x 3, 3 x 4 or 4 x 4 numbers, by rows.",
             None,
         ),

@@ -13,8 +13,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-
 from engines.errors import SceneError
 from engines.scene.bsdf import Bump, NormalMap
 from engines.scene.bsdf_tree import members, own_textures
@@ -25,7 +23,7 @@ from engines.scene.lights import LIGHTS, Light
 from engines.scene.materials import MATERIAL, Material
 from engines.scene.media import MEDIUM, HomogeneousMedium
 from engines.scene.mesh import Mesh
-from engines.scene.shapes import SHAPE, Shape
+from engines.scene.shapes import GROUPS, SHAPE, Instance, Shape, emitting, materials_of, singles
 from engines.scene.textures import TEXTURES, MeshAttribute
 from engines.schema.keys import Given, Key, Record, by_name, list_of
 from engines.schema.kinds import TEXT, ContextKind, integer
@@ -81,13 +79,12 @@ def attributes_lack(materials: Sequence[Material], shapes: Sequence[Shape]) -> s
         tilts = (part for part in members(material.bsdf) if isinstance(part, Bump | NormalMap))
         if attribute := next((each for part in tilts for each in own_textures(part) if isinstance(each, MeshAttribute)), None):
             return f"material {material.name!r}: the attribute {attribute.name!r} is no height and gives no normals"
-    for index, shape in enumerate(shapes):
+    for where, shape in singles(shapes):
         known = shape.attributes if isinstance(shape, Mesh) else {}
-        for which in np.unique(shape.materials).tolist() if isinstance(shape, Mesh) else [shape.material]:
+        for which in materials_of(shape):
             for name in sorted(shown[which] - known.keys()):
                 who = f"the mesh {shape.name!r}" if isinstance(shape, Mesh) else f"a {type(shape).__name__.lower()}"
-                where = f"shapes[{index}]: material {materials[which].name!r}"
-                return f"{where} shows the attribute {name!r}, which {who} does not have"
+                return f"{where}: material {materials[which].name!r} shows the attribute {name!r}, which {who} does not have"
     return None
 
 
@@ -141,18 +138,14 @@ def scene_warnings(context: SceneReader, shapes: Sequence[Shape], lights: Sequen
     warnings = list(dict.fromkeys(context.warnings))
     if not shapes:
         warnings.append("the scene is empty: it has no shapes")
-    if not lights and not any(_emits(context.table.materials, shape) for shape in shapes):
+    emit = (emitting(shape, context.table.materials) for shape in shapes if not isinstance(shape, Instance))
+    if not lights and not any(emit):
         warnings.append("the scene has no light: images that need light will be black")
     if context.degenerate == 1:
         warnings.append("1 triangle has no area: it is never hit")
     elif context.degenerate:
         warnings.append(f"{context.degenerate} triangles have no area: they are never hit")
     return warnings
-
-
-def _emits(materials: list[Material], shape: Shape) -> bool:
-    used = set(shape.materials.tolist()) if isinstance(shape, Mesh) else {shape.material}
-    return any(materials[index].emits for index in used)
 
 
 MEDIA = ContextKind(_media, by_name(MEDIUM, "media").schema())
@@ -166,6 +159,7 @@ SCENE = Record(
         "camera": Key(CAMERA, "The camera."),
         "textures": Key(TEXTURES, "Textures by names of your own.", None),
         "materials": Key(MATERIALS, "Materials by names of your own.", None),
+        "groups": Key(GROUPS, "Shapes that instances show, by names of your own: no planes, lights and instances.", None),
         "shapes": Key(list_of(SHAPE, "shapes"), "Shapes. One whose material emits is an area light.", None),
         "lights": Key(list_of(LIGHTS, "lights"), "Lights other than area lights.", None),
     },

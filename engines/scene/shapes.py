@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from engines.errors import SceneError
 from engines.scene.bsdf_tree import is_textured
 from engines.scene.context import SceneReader
 from engines.scene.geometry import has_area, read_only
+from engines.scene.materials import Material
 from engines.scene.media import NAMED_MEDIUM, MediumInterface
-from engines.scene.mesh import MESH, Mesh, SphereSet
+from engines.scene.mesh import MATRIX, MESH, Mesh, SphereSet, is_singular
 from engines.scene.procedural import PROCEDURAL
 from engines.scene.triple import Triple
 from engines.schema import fields
-from engines.schema.keys import Given, Key, Record, Variants
+from engines.schema.keys import Given, Key, Record, Variants, by_name, list_of
 from engines.schema.kinds import DIRECTION, POINT, POSITIVE, ROWS, TEXT, ContextKind, Kind
 from engines.schema.yaml_file import Located, locate
 
-__all__ = ["Cylinder", "Disk", "Plane", "Shape", "Sphere", "Triangle"]
+__all__ = ["Cylinder", "Disk", "Group", "Instance", "Plane", "Shape", "Single", "Sphere", "Triangle", "groups_of", "singles"]
 
 Box = NDArray[np.float64]
 """(2, 3) lowest and highest coordinates."""
@@ -158,7 +160,77 @@ _SPHERES = Record(
     _spheres,
 )
 
-Shape = Plane | Sphere | Disk | Cylinder | Triangle | Mesh | SphereSet
+Single = Plane | Sphere | Disk | Cylinder | Triangle | Mesh | SphereSet
+"""A shape that is no instance."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Group:
+    """Shapes in coordinates of their own, which instances show: at least one, none of them a plane or an instance, and none
+    emits. Raises `SceneError` for other shapes."""
+
+    name: str
+    shapes: tuple[Single, ...]
+    box: Box = field(init=False, repr=False)
+    """That of all shapes."""
+
+    def __post_init__(self) -> None:
+        boxes = [box for shape in self.shapes if not isinstance(shape, Instance) and (box := shape.bounds()) is not None]
+        if len(boxes) < len(self.shapes) or not boxes:
+            raise SceneError(f"group {self.name!r}: must hold shapes, but no planes, no instances and no empty meshes")
+        corners = np.concatenate(boxes)
+        object.__setattr__(self, "box", read_only(np.stack([corners.min(axis=0), corners.max(axis=0)])))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Instance:
+    """The shapes of a group, placed by `matrix` (3, 4), local to world. Fronts stay fronts where it mirrors: a normal n becomes
+    M^-T n. Raises `SceneError` for matrices that are singular, or lead beyond `FARTHEST`."""
+
+    group: Group
+    matrix: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        matrix = np.array(self.matrix, np.float64)
+        if matrix.shape != (3, 4) or not np.isfinite(matrix).all() or is_singular(matrix[:, :3]):
+            raise SceneError("must be 3 x 4 finite numbers, and not singular")
+        if not float(np.abs(matrix).max()) * (1.0 + float(np.abs(self.group.box).max())) < FARTHEST:
+            raise SceneError(f"must leave the group within {FARTHEST:g} metres of the origin")
+        object.__setattr__(self, "matrix", read_only(matrix))
+
+    def bounds(self) -> Box:
+        """The corners of the box around the eight corners of the group's box."""
+        low, high = self.group.box
+        center, half = self.matrix[:, :3] @ (0.5 * low + 0.5 * high) + self.matrix[:, 3], 0.5 * high - 0.5 * low
+        extent = np.abs(self.matrix[:, :3]) @ half
+        return np.stack([center - extent, center + extent])
+
+
+FARTHEST = 1e30
+"""Beyond all coordinates of what an instance shows, as of what is imported from Mitsuba's files."""
+MAX_INSTANCES = 200_000
+"""Instances in a scene file."""
+
+Shape = Single | Instance
+
+
+def groups_of(shapes: Iterable[Shape]) -> list[Group]:
+    """The groups that instances among the shapes show, each once, in the order of first use."""
+    return list({id(shape.group): shape.group for shape in shapes if isinstance(shape, Instance)}.values())
+
+
+def singles(shapes: Iterable[Shape]) -> list[tuple[str, Single]]:
+    """Where each shape stands that is no instance, and the shape: those of the scene, and of each group once."""
+    found: list[tuple[str, Single]] = []
+    listed = list(shapes)
+    for where, members in (("shapes", listed), *((f"groups.{group.name}", group.shapes) for group in groups_of(listed))):
+        found += [(f"{where}[{index}]", shape) for index, shape in enumerate(members) if not isinstance(shape, Instance)]
+    return found
+
+
+def materials_of(shape: Single) -> list[int]:
+    """The indices of the materials of a shape, each once."""
+    return np.unique(shape.materials).tolist() if isinstance(shape, Mesh) else [shape.material]
 
 
 def as_mesh(shape: Shape) -> Mesh | None:
@@ -175,6 +247,28 @@ def as_spheres(shape: Shape) -> SphereSet | None:
         return SphereSet(np.array([shape.center], np.float64), np.array([shape.radius], np.float64), shape.material)
     return shape if isinstance(shape, SphereSet) else None
 
+
+def _instance(given: Given, context: SceneReader) -> Instance:
+    if context.group:
+        raise given.node.refuse(f"an instance in the group {context.group!r}: groups hold no instances and no groups")
+    context.instances += 1
+    if context.instances > MAX_INSTANCES:
+        raise given.node.refuse(f"more than {MAX_INSTANCES:,} instances")
+    group = context.groups[fields.one_of(given["group"], context.groups, "group")]
+    try:
+        return Instance(group, given["matrix"])
+    except SceneError as problem:
+        raise given.at("matrix").refuse(str(problem)) from problem
+
+
+_INSTANCE = Record(
+    "The shapes of a group, placed by a matrix. It has no material: its shapes have their own.",
+    {
+        "group": Key(Kind(lambda node: node, TEXT.json), "Name of one of the groups."),
+        "matrix": Key(MATRIX, "From the group's coordinates to the world's: 3 x 4 numbers, by rows."),
+    },
+    _instance,
+)
 
 _MEDIUM = {
     "interior": Key(NAMED_MEDIUM, "Name of the medium behind the shape; without it, vacuum if there is an exterior.", None),
@@ -193,6 +287,7 @@ SHAPES = Variants(
         "triangle": _TRIANGLE,
         "mesh": MESH,
         "procedural": PROCEDURAL,
+        "instance": _INSTANCE,
     },
     {
         "material": Key(
@@ -209,6 +304,11 @@ def _shape(node: Located, context: SceneReader) -> Shape:
     """A shape with its material and its media."""
     kind = SHAPES.choose(node)
     body, named = node.value[kind], node.value.get("material")
+    if kind == "instance":
+        made = _INSTANCE.read(body, context)
+        if named is not None:
+            raise named.refuse("an instance has no material: the shapes of its group have their own")
+        return made
     several = named.value if named is not None and isinstance(named.value, list) else []
     file = body.value.get("file") if kind == "mesh" and isinstance(body.value, dict) else None
     if named is not None and several and not (file and str(file.value).lower().endswith(".ply")):
@@ -228,6 +328,39 @@ def _shape(node: Located, context: SceneReader) -> Shape:
 
 
 SHAPE = ContextKind(_shape, SHAPES.schema())
+
+
+def _groups(node: Located, context: SceneReader) -> None:
+    """Groups by names of the user's own, which the context learns before the scene's shapes are read."""
+    if node.value is not None and not isinstance(node.value, dict):
+        raise node.refuse("must be a mapping from names to lists of shapes")
+    for name, child in (node.value or {}).items():
+        context.group = name
+        shapes = [_member(each, context) for each in fields.items(child, "shapes")]
+        try:
+            context.groups[name] = Group(name, tuple(shapes))
+        except SceneError as problem:
+            raise child.refuse(str(problem)) from problem
+    context.group = ""
+
+
+def _member(node: Located, context: SceneReader) -> Single:
+    """A shape of a group."""
+    shape = _shape(node, context)
+    assert not isinstance(shape, Instance), "refused where it is read"
+    if isinstance(shape, Plane):
+        raise node.refuse("a plane in a group: groups hold shapes with an end")
+    if name := emitting(shape, context.table.materials):
+        raise node.refuse(f"material {name!r} emits: groups hold no lights")
+    return shape
+
+
+def emitting(shape: Single, materials: Sequence[Material]) -> str | None:
+    """The name of the first material of a shape that emits, or None."""
+    return next((materials[index].name for index in materials_of(shape) if materials[index].emits), None)
+
+
+GROUPS = ContextKind(_groups, by_name(list_of(SHAPE, "shapes"), "groups").schema())
 
 
 def check_area(node: Located, shape: Shape, context: SceneReader) -> None:

@@ -12,13 +12,21 @@ from engines.scene.cameras import CustomCamera
 from engines.scene.lights import CustomLight
 from engines.scene.models import CustomBSDF
 from engines.scene.scene import Scene, attributes_lack
+from engines.scene.shapes import Instance, emitting, groups_of, singles
 
 
 def refusal_of(scene: Scene) -> str | None:
-    """Why a scene cannot be rendered from what is here: there is nothing but a file of Mitsuba's, in the importer's words, or a
-    mesh lacks an attribute; else None."""
+    """Why a scene cannot be rendered from what is here: there is nothing but a file of Mitsuba's, in the importer's words, a
+    mesh lacks an attribute, or a group emits; else None."""
     refusal = None if scene.native is None else scene.native.refusal
-    return refusal or attributes_lack(scene.materials, scene.shapes)
+    return refusal or attributes_lack(scene.materials, scene.shapes) or _groups_emit(scene)
+
+
+def _groups_emit(scene: Scene) -> str | None:
+    for group in groups_of(scene.shapes):
+        if name := next(filter(None, (emitting(shape, scene.materials) for shape in group.shapes)), None):
+            return f"group {group.name!r}: material {name!r} emits: groups hold no lights"
+    return None
 
 
 KINDS = ("camera", "shape", "light", "medium", "BSDF", "texture")
@@ -42,7 +50,10 @@ def _parts(scene: Scene) -> Iterator[tuple[str, str, Any]]:
     """Where each part of a scene stands, its kind, and the part."""
     yield "", "camera", scene.camera
     for index, shape in enumerate(scene.shapes):
-        yield f"shapes[{index}]: ", "shape", shape
+        if isinstance(shape, Instance):
+            yield f"shapes[{index}]: ", "shape", shape
+    for where, shape in singles(scene.shapes):
+        yield f"{where}: ", "shape", shape
     for index, light in enumerate(scene.lights):
         yield f"lights[{index}]: ", "light", light
     for medium in scene.media:

@@ -25,7 +25,7 @@ from engines.scene.media import SIDES, HomogeneousMedium
 from engines.scene.mesh import Mesh, SphereSet
 from engines.scene.models import Mixture
 from engines.scene.scene import FORMAT, Scene
-from engines.scene.shapes import Cylinder, Disk, Plane, Shape, Sphere, Triangle
+from engines.scene.shapes import Cylinder, Disk, Instance, Plane, Shape, Single, Sphere, Triangle, groups_of
 from engines.scene.support import foreign
 from engines.scene.textures import IDENTITY, Checkerboard, ImageTexture, MeshAttribute, Texture
 from engines.scene.triple import BLACK, WHITE, Triple
@@ -70,18 +70,22 @@ def save_scene(scene: Scene, folder: str | PathLike[str]) -> Path:
 
 @dataclass(slots=True)
 class _Writer:
-    """The state of writing one scene: names that are taken, by kind, and the names of textures by identity."""
+    """The state of writing one scene: names that are taken, by kind, and the names of textures and groups by identity."""
 
     root: Path
     taken: dict[str, set[str]] = field(default_factory=dict)
     textures: dict[int, str] = field(default_factory=dict)
     tree: Keys = field(default_factory=dict)
+    groups: dict[int, str] = field(default_factory=dict)
 
     def scene(self, scene: Scene) -> Keys:
         names = [self.name("materials", material.name) for material in scene.materials]
         materials = {name: self.material(each) for name, each in zip(names, scene.materials, strict=True)}
         media = [self.name("media", medium.name) for medium in scene.media]
-        shapes = [{**self.shape(shape, names), **_sides(shape, media)} for shape in scene.shapes]
+        shown = groups_of(scene.shapes)
+        self.groups = {id(group): self.name("groups", group.name) for group in shown}
+        groups = {self.groups[id(group)]: [self.shape(shape, names, media) for shape in group.shapes] for group in shown}
+        shapes = [self.shape(shape, names, media) for shape in scene.shapes]
         keys = {
             "raybench_scene": FORMAT,
             "name": scene.name,
@@ -89,6 +93,7 @@ class _Writer:
             "camera": _camera(scene.camera, media),
             "textures": self.tree,
             "materials": materials,
+            "groups": groups,
             "shapes": shapes,
             "lights": [self.light(light) for light in scene.lights],
         }
@@ -179,7 +184,12 @@ class _Writer:
 
     # ---- shapes and lights -------------------------------------------------------------------------------------------
 
-    def shape(self, shape: Shape, names: list[str]) -> Keys:
+    def shape(self, shape: Shape, names: list[str], media: list[str]) -> Keys:
+        if isinstance(shape, Instance):
+            return {"instance": {"group": self.groups[id(shape.group)], "matrix": shape.matrix.tolist()}}
+        return {**self.single(shape, names), **_sides(shape, media)}
+
+    def single(self, shape: Single, names: list[str]) -> Keys:
         if isinstance(shape, Mesh):
             return self.mesh(shape, names)
         if isinstance(shape, SphereSet):
@@ -250,7 +260,7 @@ def _medium(medium: HomogeneousMedium) -> Keys:
     return {"sigma_t": _color(medium.sigma_t), "albedo": _color(medium.albedo), **anisotropic}
 
 
-def _sides(shape: Shape, media: list[str]) -> Keys:
+def _sides(shape: Single, media: list[str]) -> Keys:
     """The names of the media on its sides."""
     return {side: media[index] for side in SIDES if (index := getattr(shape, side)) is not None}
 
@@ -271,6 +281,7 @@ KNOWN: frozenset[type] = frozenset(
         *_SHAPES,
         Mesh,
         SphereSet,
+        Instance,
         PointLight,
         DirectionalLight,
         SpotLight,

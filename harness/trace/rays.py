@@ -23,6 +23,7 @@ from engines.scene import (
     DirectionalLight,
     Disk,
     EnvironmentLight,
+    Instance,
     Mesh,
     Orthographic,
     Perspective,
@@ -37,7 +38,7 @@ from engines.scene import (
     Triangle,
 )
 from harness.config.settings import RAY_KINDS
-from harness.trace.truth import Truth, unit
+from harness.trace.truth import INSTANCES, Truth, unit
 
 Array = NDArray[np.float64]
 EPSILON = 256 * 2.0**-23
@@ -64,6 +65,8 @@ def why_not(kind: str, scene: Scene) -> str | None:
         return scene.native.refusal
     if not isinstance(scene.camera, Perspective | ThinLens | Orthographic):
         return f"rays start from perspective, thin-lens and orthographic cameras: this is {type(scene.camera).__name__}"
+    if any(isinstance(shape, Instance) for shape in scene.shapes):
+        return INSTANCES
     if kind == "shadow" and not _makers(scene):
         return f"{scene.name} has no light that shadow rays could go to"
     return None
@@ -187,6 +190,8 @@ def _lengths(vectors: Array) -> Array:
 
 
 def _emits(scene: Scene, shape: Shape) -> bool:
+    if isinstance(shape, Instance):
+        return False
     indices = np.unique(shape.materials) if isinstance(shape, Mesh) else [shape.material]
     return any(scene.materials[int(index)].emits for index in indices)
 

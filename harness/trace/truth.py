@@ -13,7 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene import Cylinder, Disk, Mesh, Plane, Scene, Sphere, SphereSet, Triangle
+from engines.errors import Unsupported
+from engines.scene import Cylinder, Disk, Instance, Mesh, Plane, Scene, Sphere, SphereSet, Triangle
 from harness.trace import oracle
 
 Array = NDArray[np.float64]
@@ -28,6 +29,7 @@ PARALLEL = 1e-7
 """Sine of the angle between ray and triangle below which the filter leaves the crossing to the decimals."""
 CHUNK = 2048
 """Rays that go through the hierarchy together."""
+INSTANCES = "rays have exact answers in scenes without instances"
 
 
 class Closest(NamedTuple):
@@ -53,7 +55,8 @@ Other = Plane | Disk | Cylinder
 
 
 class Truth:
-    """A scene whose rays can be answered exactly. `largest` is its largest coordinate, by size."""
+    """A scene whose rays can be answered exactly. `largest` is its largest coordinate, by size. Raises `Unsupported` for scenes
+    with instances."""
 
     def __init__(self, scene: Scene) -> None:
         corners: list[Array] = [np.zeros((0, 3, 3))]
@@ -68,6 +71,8 @@ class Truth:
             elif isinstance(shape, Sphere | SphereSet):
                 spheres.append(_sphere_rows(shape))
                 count, kind = len(spheres[-1]), SPHERE
+            elif isinstance(shape, Instance):
+                raise Unsupported(INSTANCES)
             else:
                 self.others.append(shape)
             named.append((index, np.arange(count), kind))

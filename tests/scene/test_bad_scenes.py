@@ -47,7 +47,7 @@ TEXTURES = "}}\ntextures: {t: {checkerboard: {}}, a: {attribute: face_color}}"
 # and missing keys are those of test_scene_refusals.py, and the words about them those of tests/schema.
 CASES = [
     ("raybench_scene: 1", "raybench_scene: 2", ":1 raybench_scene = 2: must be an integer in [1, 1]"),
-    ("lights:", "lihgts:", ":20 lihgts: unknown key: did you mean 'lights'? known: camera, lights,"),
+    ("lights:", "lihgts:", ":20 lihgts: unknown key: did you mean 'lights'? known: camera, groups, lights,"),
     ("materials:", "materials:\n  red: {kd: 1}", ":10: 'red' is there twice: first in line 9, again in line 10"),
     # camera
     ("type: perspective", "type: perspectiv", ":3 camera.type = 'perspectiv': unknown camera: did you mean 'perspective'?"),

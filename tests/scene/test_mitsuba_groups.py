@@ -1,9 +1,10 @@
 """Shapes that stand for others in Mitsuba's files: `merge`, and `instance` of a `shapegroup`."""
 
-import numpy as np
+import time
+
 import pytest
 
-from engines.scene import Mesh, Sides, Sphere
+from engines.scene import Instance, Sides, Sphere, flattened, groups_of
 from engines.scene.mitsuba_xml import groups
 from tests.scene.mitsuba_files import LAMP, SUN, radiance, refusal, scene
 
@@ -27,7 +28,12 @@ def test_a_group_is_seen_through_its_instances_alone_after_its_own_transforms(tm
     group = GROUP.format(f'<shape type="merge">{inner}</shape><transform name="to_world"><scale value="9"/></transform>')
     body = group + COPY.format('<scale value="2"/>') + COPY.format('<translate y="1"/>')
     found = scene(tmp_path, body + LAMP)
-    assert [(shape.center, shape.radius) for shape in found.shapes] == [((2.0, 0.0, 0.0), 2.0), ((1.0, 1.0, 0.0), 1.0)]
+    first, second = found.shapes
+    assert isinstance(first, Instance) and first.group is second.group and first.group.name == "g"
+    assert [(shape.center, shape.radius) for shape in first.group.shapes] == [((1.0, 0.0, 0.0), 1.0)]
+    assert first.matrix.tolist() == [[2, 0, 0, 0], [0, 2, 0, 0], [0, 0, 2, 0]] and second.matrix[:, 3].tolist() == [0, 1, 0]
+    copies = flattened(found).shapes
+    assert [(shape.center, shape.radius) for shape in copies] == [((2.0, 0.0, 0.0), 2.0), ((1.0, 1.0, 0.0), 1.0)]
     assert any("to_world of a shapegroup has no effect" in warning for warning in found.warnings)
     assert not scene(tmp_path, GROUP.format(BALL) + LAMP).shapes
 
@@ -45,17 +51,8 @@ def test_a_mirrored_instance_keeps_the_front_and_a_mirrored_shape_does_not(tmp_p
     ball = scene(
         tmp_path, GROUP.format('<shape type="sphere"><bsdf type="conductor"/></shape>') + COPY.format('<scale x="-1"/>') + LAMP
     )
-    assert (
-        isinstance(ball.shapes[0], Sphere) and ball.materials[0].bsdf.back is None and isinstance(ball.materials[0].bsdf, Sides)
-    )
-
-
-def test_normals_of_an_instance_are_those_of_the_inverse_transpose(tmp_path):
-    (tmp_path / "m.obj").write_text("v -1 -1 0\nv 1 -1 0\nv 0 2 0\nvn 0.6 0 0.8\nf 1//1 2//1 3//1\n", encoding="ascii")
-    group = GROUP.format('<shape type="obj"><string name="filename" value="m.obj"/></shape>')
-    found = scene(tmp_path, group + COPY.format('<scale x="2" y="3" z="4"/>') + LAMP).shapes[0]
-    normal = np.array([0.6 / 2, 0.0, 0.8 / 4])
-    assert isinstance(found, Mesh) and found.normals[0] == pytest.approx(normal / np.linalg.norm(normal))
+    (member,) = ball.shapes[0].group.shapes
+    assert isinstance(member, Sphere) and ball.materials[0].bsdf.back is None and isinstance(ball.materials[0].bsdf, Sides)
 
 
 LIT = '<shape type="sphere"><emitter type="area"/></shape>'
@@ -72,7 +69,7 @@ LIT = '<shape type="sphere"><emitter type="area"/></shape>'
         (GROUP.format(LIT) + COPY.format(""), "no emitter"),
         (GROUP.format(f'{BALL}<bsdf type="diffuse"/>') + COPY.format(""), "a shapegroup has no BSDF"),
         (GROUP.format(BALL) + COPY.format("").replace("<ref", '<bsdf type="diffuse"/><ref'), "an instance has no BSDF"),
-        (GROUP.format(BALL) + COPY.format('<scale z="0"/>'), "must not flatten"),
+        (GROUP.format(BALL) + COPY.format('<scale z="0"/>'), "not singular"),
         ('<shape type="sphere" id="g"/>' + COPY.format(""), "one shape, a shapegroup"),
         ('<shape type="merge" id="m"><ref id="m"/></shape>', "refers to itself"),
     ],
@@ -81,8 +78,42 @@ def test_what_mitsuba_does_not_allow_is_refused(body, said, tmp_path):
     assert said in refusal(tmp_path, body)
 
 
-def test_the_number_of_copies_is_bounded(tmp_path, monkeypatch):
-    monkeypatch.setattr(groups, "MAX_COPIED", 23)
-    cubes = GROUP.format('<shape type="cube"/>') + COPY.format("")
-    assert len(scene(tmp_path, cubes + LAMP).shapes) == 1
-    assert "instances have more than 23 triangles" in refusal(tmp_path, cubes + COPY.format(""))
+def test_the_number_of_instances_is_bounded(tmp_path, monkeypatch):
+    monkeypatch.setattr(groups, "MAX_INSTANCES", 2)
+    cubes = GROUP.format('<shape type="cube"/>') + COPY.format("") * 2
+    assert len(scene(tmp_path, cubes + LAMP).shapes) == 2
+    assert "more than 2 instances" in refusal(tmp_path, cubes + COPY.format(""))
+
+
+def test_groups_within_groups_are_refused_at_once_however_deep_or_circular(tmp_path):
+    deep = BALL
+    for _ in range(20):
+        deep = f'<shape type="shapegroup">{deep}</shape>'
+    started = time.process_time()
+    assert "no groups and no instances" in refusal(tmp_path, GROUP.format(deep) + COPY.format(""))
+    assert "no groups and no instances" in refusal(tmp_path, GROUP.format('<ref id="g"/>') + COPY.format(""))
+    assert "no groups and no instances" in refusal(tmp_path, GROUP.format(COPY.format("")) + COPY.format(""))
+    circle = GROUP.format('<shape type="merge" id="m"><ref id="m"/></shape>')
+    assert "refers to itself" in refusal(tmp_path, circle + COPY.format(""))
+    assert time.process_time() - started < 1.0
+
+
+def test_merges_within_merges_hold_a_bounded_number_of_shapes(tmp_path, monkeypatch):
+    monkeypatch.setattr(groups, "MAX_MERGED", 500)
+    first, many = BALL.replace("/>", ' id="m0"/>'), ""
+    for level in range(1, 10):
+        inner = f'<ref id="m{level - 1}"/>' * 10
+        many += f'<shape type="merge" id="m{level}">{inner}</shape>'
+    shown = COPY.format("").replace("<shape", '<shape id="m0"', 1)
+    grouped, instances = first + many + GROUP.format('<ref id="m9"/>') + COPY.format(""), GROUP.format(BALL) + shown + many
+    for body in (first + many, grouped, instances):
+        assert "merges hold more than 500 shapes" in refusal(tmp_path, body)
+
+
+def test_a_file_is_read_once_for_all_instances_of_its_group(tmp_path):
+    (tmp_path / "m.obj").write_text("v -1 -1 0\nv 1 -1 0\nv 0 2 0\nf 1 2 3\n", encoding="ascii")
+    group = GROUP.format('<shape type="obj"><string name="filename" value="m.obj"/></shape>')
+    started = time.process_time()
+    found = scene(tmp_path, group + COPY.format('<translate x="2"/>') * 2000 + LAMP)
+    assert time.process_time() - started < 2.0  # 0.5 s alone
+    assert len(found.shapes) == 2000 and len(groups_of(found.shapes)) == 1

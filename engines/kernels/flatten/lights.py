@@ -149,7 +149,7 @@ class LightList:
         self.center = center
         for light in scene.lights:
             self._append(ROWS[type(light)](light, center))
-        for shape, first in zip(scene.shapes, first_id, strict=True):
+        for shape, first in zip(shapes.outside(scene.shapes), first_id, strict=False):
             self._add_shape(scene.materials, shape, first)
 
     def kinds(self) -> tuple[int, ...]:

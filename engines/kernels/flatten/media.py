@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.kernels.rows import MediumRow
-from engines.scene import HomogeneousMedium, Shape
+from engines.scene import HomogeneousMedium, Shape, singles
 
 NO_BOUNDARY = -1
 """In place of both media of a surface that changes none."""
@@ -21,10 +21,12 @@ def medium_rows(media: Sequence[HomogeneousMedium]) -> NDArray[np.float64]:
 
 
 def medium_sides(shapes: Sequence[Shape], first_id: Sequence[int], primitives: int, vacuum: int) -> NDArray[np.int32]:
-    """(primitives, 2) rows of the media inside and outside; `first_id` are the ids of the first primitives of shapes."""
+    """(primitives, 2) rows of the media inside and outside; `first_id` are the ids of the first primitives of shapes
+    that are no instances, those of groups at the end."""
     counts = np.diff([*first_id, primitives])
-    sides = np.full((len(shapes), 2), NO_BOUNDARY, np.int32)
-    for row, shape in zip(sides, shapes, strict=True):
+    found = singles(shapes)
+    sides = np.full((len(found), 2), NO_BOUNDARY, np.int32)
+    for row, (_, shape) in zip(sides, found, strict=True):
         if shape.is_boundary:
             row[:] = [vacuum if side is None else side for side in (shape.interior, shape.exterior)]
     return np.repeat(sides, counts, axis=0)

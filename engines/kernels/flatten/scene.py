@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 from engines.kernels.compile.records import Field
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten import environment
+from engines.kernels.flatten.instances import instance_rows
 from engines.kernels.flatten.lights import MESH, LightList, frame_rows
 from engines.kernels.flatten.media import medium_rows, medium_sides
 from engines.kernels.flatten.programs import Programs
-from engines.kernels.flatten.shapes import Geometry, collapse_degenerate
+from engines.kernels.flatten.shapes import Begin, Geometry, collapse_degenerate
 from engines.kernels.layout import SLOTS, SceneTable
 from engines.kernels.rows import LeafRow, LightRow, LookupRow, PrimitiveRow
-from engines.scene import Mesh, Scene
+from engines.scene import Instance, Mesh, Scene, singles
 
 
 @dataclass(slots=True)
@@ -28,9 +29,15 @@ class FlatScene:
     center: NDArray[np.float64]
     features: SceneFeatures
     first_id: NDArray[np.int64]
-    """(shapes,) id of the first primitive of each shape."""
+    """(shapes,) id of the first primitive of each shape that is no instance, those of groups at the end."""
     bounds: NDArray[np.float64]
     """(2, 3) box of all finite shapes, in scene coordinates; NaN where there are none."""
+    places: NDArray[np.int64]
+    """Places among the scene's shapes of those that are no instances."""
+    begins: list[Begin]
+    """See `Geometry`."""
+    boxes: list[NDArray[np.float64]]
+    """(2, 3) of each group, in its own tracing coordinates."""
     arrays: dict[Any, NDArray[Any]] = field(default_factory=dict)
     table: NDArray[np.int64] = field(default_factory=lambda: np.zeros(SLOTS, np.int64))
     owned: list[Any] = field(default_factory=list)
@@ -46,6 +53,24 @@ class FlatScene:
         else:
             self.table[slot.first] = value
 
+    def part(self, number: int) -> FlatScene:
+        """The shapes outside of groups and the instances (0), or the shapes of a group (from 1 on), as a scene by themselves;
+        vertices are those of the whole scene, and so are all ids."""
+        if not self.features.instances:
+            return self
+        table, begin, end = SceneTable, self.begins[number], self.begins[number + 1]
+        placed = {} if number == 0 else {"bounds": self.boxes[number - 1], "center": np.zeros(3)}
+        part = replace(self, arrays=dict(self.arrays), table=self.table.copy(), begins=[begin, end], **placed)
+        for slots, first, last in (
+            ((table.triangles, table.triangle_primitives), begin.triangles, end.triangles),
+            ((table.spheres, table.sphere_primitives), begin.spheres, end.spheres),
+            ((table.analytic, table.analytic_primitives, table.analytic_bounds), begin.analytic, end.analytic),
+            ((table.instance_bounds,), 0, len(self.arrays[table.instances]) if number == 0 else 0),
+        ):
+            for slot in slots:
+                part.bind(slot, self.arrays[slot][first:last])
+        return part
+
     @property
     def address(self) -> int:
         return self.table.ctypes.data
@@ -60,13 +85,20 @@ def flatten(scene: Scene, real: type, tracing: type) -> FlatScene:
     geometry = Geometry(scene.shapes)
     bounds = geometry.bounds()
     center = _recentre(bounds, tracing)
+    centers = [center, *(_recentre(group.box, tracing) for group in geometry.groups)]
     lights = LightList(scene, geometry.first_id, geometry.n, center)
     used = np.flatnonzero(np.bincount(geometry.joined(geometry.material)))
     programs = Programs(scene.materials, used, geometry.materials_on_uvs(), geometry.attribute_rows)
     frames = frame_rows(scene.lights, programs.texture)
     features = _features(scene, geometry, lights, programs, frames)
-    flat = FlatScene(real, center, features, np.array(geometry.first_id, np.int64), bounds)
-    _bind_shapes(flat, geometry)
+    places = np.array([k for k, shape in enumerate(scene.shapes) if not isinstance(shape, Instance)], np.int64)
+    boxes = [group.box - origin for group, origin in zip(geometry.groups, centers[1:], strict=True)]
+    first_id = np.array(geometry.first_id, np.int64)
+    flat = FlatScene(real, center, features, first_id, bounds, places, geometry.begins, boxes)
+    _bind_shapes(flat, geometry, centers)
+    flat.bind(SceneTable.n_instances, len(geometry.instances))
+    flat.bind(SceneTable.instances, instance_rows(scene.shapes, geometry, centers))
+    flat.bind(SceneTable.instance_bounds, (geometry.instance_boxes() - center).reshape(-1, 6))
     _bind_surfaces(flat, geometry, lights, programs)
     _bind_programs(flat, geometry, programs)
     _bind_lights(flat, lights, frames)
@@ -91,7 +123,8 @@ def _features(
         spheres=geometry.counts["spheres"] > 0,
         planes=geometry.counts["planes"] > 0,
         analytic=geometry.analytic_kinds(),
-        smooth=any(isinstance(s, Mesh) and s.normals is not None for s in scene.shapes),
+        instances=bool(geometry.instances),
+        smooth=any(isinstance(s, Mesh) and s.normals is not None for _, s in singles(scene.shapes)),
         lights=lights.kinds(),
         many_lights=len(lights.rows) > 1,
         mesh_lights=MESH in lights.kinds(),
@@ -102,23 +135,20 @@ def _features(
     )
 
 
-def _bind_shapes(flat: FlatScene, geometry: Geometry) -> None:
+def _bind_shapes(flat: FlatScene, geometry: Geometry, centers: list[NDArray[np.float64]]) -> None:
     table, join, zeros = SceneTable, geometry.joined, np.zeros(3)
-    for slot, name in (
-        (table.n_triangles, "triangles"),
-        (table.n_spheres, "spheres"),
-        (table.n_planes, "planes"),
-        (table.n_analytic, "analytic"),
-    ):
-        flat.bind(slot, geometry.counts[name])
-    flat.bind(table.vertices, (join(geometry.vertices) - flat.center).astype(flat.real))
+    flat.bind(table.n_triangles, geometry.counts["triangles"])
+    flat.bind(table.n_spheres, geometry.begins[1].spheres)
+    flat.bind(table.n_planes, geometry.counts["planes"])
+    flat.bind(table.n_analytic, geometry.begins[1].analytic)
+    flat.bind(table.vertices, geometry.relative("vertices", join(geometry.vertices), centers).astype(flat.real))
     flat.bind(table.vertex_normals, join(geometry.normals).astype(flat.real))
     flat.bind(table.triangles, np.array(join(geometry.faces)))
     collapse_degenerate(flat.arrays[table.triangles], flat.arrays[table.vertices])
-    flat.bind(table.spheres, join(geometry.spheres) - np.append(flat.center, 0))
+    flat.bind(table.spheres, geometry.relative("spheres", join(geometry.spheres), centers))
     flat.bind(table.planes, join(geometry.planes) - np.append(flat.center, zeros))
-    flat.bind(table.analytic, geometry.analytic_rows(flat.center))
-    flat.bind(table.analytic_bounds, np.hstack(geometry.analytic_bounds(flat.center)))
+    flat.bind(table.analytic, geometry.analytic_rows(centers))
+    flat.bind(table.analytic_bounds, np.hstack(geometry.analytic_bounds(centers)))
     for slot, name in (
         (table.triangle_primitives, "triangles"),
         (table.sphere_primitives, "spheres"),

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from engines.kernels.compile.jit import kernel
 from engines.kernels.lane.shapes import cylinder, disk
 from engines.kernels.rows import SHAPE_PARAMETERS, UVRow
-from engines.scene import Cylinder, Disk, Mesh, MeshAttribute, Plane, Sphere, SphereSet, Triangle
+from engines.scene import Cylinder, Disk, Instance, Mesh, MeshAttribute, Plane, Sphere, SphereSet, Triangle, groups_of
 
 TRIANGLE, SPHERE, PLANE, DISK, CYLINDER = range(5)
 
@@ -55,8 +55,24 @@ def analytic_shape(kind: int) -> AnalyticShape:
     return next(shape for shape in ANALYTIC.values() if shape.kind == kind)
 
 
+def outside(shapes: Any) -> list[Any]:
+    """The shapes outside of groups: those that are no instances."""
+    return [shape for shape in shapes if not isinstance(shape, Instance)]
+
+
+class Begin(NamedTuple):
+    """Where the arrays begin of the shapes outside of groups, and of each group."""
+
+    vertices: int
+    triangles: int
+    spheres: int
+    analytic: int
+    primitives: int
+
+
 class Geometry:
-    """The shapes of a scene, collected in order; primitives of each kind in the order of their ids."""
+    """The shapes of a scene, collected in order, those outside of groups first, then those of each group; primitives of each
+    kind in the order of their ids."""
 
     def __init__(self, shapes: Any) -> None:
         self.vertices: list[Any] = [np.zeros((0, 3))]
@@ -74,13 +90,20 @@ class Geometry:
         self.kind: list[Any] = [np.zeros(0, np.int64)]
         self.index: list[Any] = [np.zeros(0, np.int64)]
         self.first_id: list[int] = []
+        """Of each shape that is no instance."""
         self._on_uvs: list[Any] = []
         self.n = 0
         self.n_vertices = 0
         self.counts = dict.fromkeys(_COLUMNS, 0)
-        for shape in shapes:
-            self.first_id.append(self.n)
-            self._add(shape)
+        self.groups = groups_of(shapes)
+        self.instances = [shape for shape in shapes if isinstance(shape, Instance)]
+        self.begins: list[Begin] = []
+        """Of the shapes outside of groups, of each group, and of what would come next."""
+        for part in (outside(shapes), *(group.shapes for group in self.groups), ()):
+            self.begins.append(Begin(self.n_vertices, *(self.counts[name] for name in _BOUNDED), self.n))
+            for shape in part:
+                self.first_id.append(self.n)
+                self._add(shape)
 
     @staticmethod
     def joined(parts: list[Any]) -> NDArray[Any]:
@@ -151,28 +174,44 @@ class Geometry:
                 rows[first : first + len(values)] = values
         return rows
 
+    def instance_boxes(self) -> Reals:
+        """(instances, 2, 3) boxes."""
+        return np.reshape([instance.bounds() for instance in self.instances], (-1, 2, 3))
+
     def bounds(self) -> Reals:
         """(2, 3) box of all finite shapes, NaN where there are none."""
-        vertices, spheres = self.joined(self.vertices), self.joined(self.spheres)
+        end = self.begins[1]
+        vertices, spheres = self.joined(self.vertices)[: end.vertices], self.joined(self.spheres)[: end.spheres]
         radii = spheres[:, 3:]
-        low, high = self.analytic_bounds(np.zeros(3))
-        ends = [p for p in (vertices, spheres[:, :3] - radii, spheres[:, :3] + radii, low, high) if len(p)]
+        low, high = (ends[: end.analytic] for ends in self.analytic_bounds([np.zeros(3)] * (len(self.groups) + 1)))
+        boxes = self.instance_boxes()
+        known = vertices, spheres[:, :3] - radii, spheres[:, :3] + radii, low, high, boxes[:, 0], boxes[:, 1]
+        ends = [p for p in known if len(p)]
         if not ends:
             return np.full((2, 3), np.nan)
         lows, highs = [part.min(axis=0) for part in ends], [part.max(axis=0) for part in ends]
         return np.array([np.min(lows, axis=0), np.max(highs, axis=0)])
 
-    def analytic_rows(self, center: Reals) -> Reals:
-        """(n, SHAPE_PARAMETERS) parameters, positions relative to `center`."""
-        result = np.zeros((len(self.analytic), SHAPE_PARAMETERS))
-        for row, shape in zip(result, self.analytic, strict=True):
-            numbers = ANALYTIC[type(shape)].parameters(shape, center)
-            row[: len(numbers)] = numbers
+    def relative(self, name: str, rows: Reals, centers: list[Reals]) -> Reals:
+        """Rows of vertices, or of spheres and so on, whose first three numbers are a position, relative to the centre of their
+        part: of the shapes outside of groups, and of each group."""
+        result = rows.astype(np.float64)
+        for begin, end, center in zip(self.begins, self.begins[1:], centers, strict=False):
+            result[getattr(begin, name) : getattr(end, name), :3] -= center
         return result
 
-    def analytic_bounds(self, center: Reals) -> tuple[Reals, Reals]:
+    def analytic_rows(self, centers: list[Reals]) -> Reals:
+        """(n, SHAPE_PARAMETERS) parameters, positions relative to the centre of their part."""
+        result = np.zeros((len(self.analytic), SHAPE_PARAMETERS))
+        for begin, end, center in zip(self.begins, self.begins[1:], centers, strict=False):
+            for k in range(begin.analytic, end.analytic):
+                numbers = ANALYTIC[type(self.analytic[k])].parameters(self.analytic[k], center)
+                result[k, : len(numbers)] = numbers
+        return result
+
+    def analytic_bounds(self, centers: list[Reals]) -> tuple[Reals, Reals]:
         """Lowest and highest coordinates (n, 3)."""
-        parameters = self.analytic_rows(center)
+        parameters = self.analytic_rows(centers)
         low, high = np.zeros((len(parameters), 3)), np.zeros((len(parameters), 3))
         for i, shape in enumerate(self.analytic):
             found = ANALYTIC[type(shape)].bounds(parameters[i : i + 1])
@@ -183,7 +222,8 @@ class Geometry:
         return tuple(sorted({ANALYTIC[type(shape)].kind for shape in self.analytic}))
 
 
-_COLUMNS = ("triangles", "spheres", "planes", "analytic")
+_BOUNDED = ("triangles", "spheres", "analytic")
+_COLUMNS = (*_BOUNDED, "planes")
 
 
 @kernel

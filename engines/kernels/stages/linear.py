@@ -24,12 +24,29 @@ def may_meet(rays, lane, primitive):
 
 
 @inline
-def keep_nearer(rays, lane, t, primitive, valid):
-    """Takes a hit at distance t when it is nearer than the lane's, or as near and of a lower id."""
+def keep_nearer(rays, scene, lane, t, primitive, valid, instances):
+    """Takes a hit at distance t, in no instance, when it is nearer than the lane's, or as near and of a shape and a primitive
+    before it. With `instances` the lane's may lie in one."""
     nearest, found = rays.t[lane], rays.primitive[lane]
-    better = valid & ((t < nearest) | ((t == nearest) & (primitive < found)))
+    before = primitive < found
+    if instances:
+        before = is_before(scene, primitive, found, rays.instance[lane])
+    better = valid & ((t < nearest) | ((t == nearest) & before))
     rays.t[lane] = select(better, t, nearest)
     rays.primitive[lane] = select(better, np.int64(primitive), found)
+    if instances:
+        rays.instance[lane] = select(better, np.int64(-1), np.int64(rays.instance[lane]))
+
+
+@inline
+def is_before(scene, primitive, found, instance):
+    """Whether a primitive outside of groups comes before `found`, one of an instance (-1 for none), in the order of shapes."""
+    return primitive < select(instance < 0, np.int64(found), np.int64(scene.instances[_row(instance)].behind))
+
+
+@inline
+def _row(instance):
+    return select(instance < 0, np.int64(0), np.int64(instance))
 
 
 @inline
@@ -58,25 +75,26 @@ def _some_near(origin, direction, end, center, radius, real):
 
 
 @inline
-def closest_planes(rays, scene, real):
+def closest_planes(rays, scene, real, instances):
     for i in range(scene.n_planes):
         point, normal, primitive = scene.planes[i].point, scene.planes[i].normal, scene.plane_primitives[i]
         for lane in range(np.uint64(LANES)):
             o, d = to_float64(rays.origin[lane]), to_float64(rays.direction[lane])
             t = real(plane_distance(o, d, point, normal))
-            keep_nearer(rays, lane, t, primitive, (t > real(0)) & may_meet(rays, lane, primitive))
+            keep_nearer(rays, scene, lane, t, primitive, (t > real(0)) & may_meet(rays, lane, primitive), instances)
 
 
 @inline
-def closest_spheres(rays, scene, real):
-    for i in range(scene.n_spheres):
+def closest_spheres(rays, scene, first, last, real):
+    """Of the spheres first .. last - 1, as below."""
+    for i in range(first, last):
         center, radius, primitive = scene.spheres[i].center, scene.spheres[i].radius, scene.sphere_primitives[i]
         if not _some_near(rays.origin, rays.direction, rays.t, center, radius, real):
             continue
         for lane in range(np.uint64(LANES)):
             o, d = to_float64(rays.origin[lane]), to_float64(rays.direction[lane])
             t = real(sphere_distance(o, d, center, radius))
-            keep_nearer(rays, lane, t, primitive, t < real(np.inf))
+            keep_nearer(rays, scene, lane, t, primitive, t < real(np.inf), False)
 
 
 @inline
@@ -90,8 +108,8 @@ def occluded_planes(rays, scene, real):
 
 
 @inline
-def occluded_spheres(rays, scene, real):
-    for i in range(scene.n_spheres):
+def occluded_spheres(rays, scene, first, last, real):
+    for i in range(first, last):
         center, radius = scene.spheres[i].center, scene.spheres[i].radius
         if not _some_near(rays.shadow.origin, rays.shadow.direction, rays.shadow.t_max, center, radius, real):
             continue
@@ -118,30 +136,31 @@ def analytic_distance(kinds: tuple[int, ...]) -> Any:
 
 @cache
 def make_analytic_test(kinds: tuple[int, ...], shadow: bool) -> Any:
-    """The function (rays, scene, real) that tests the batch's rays, or its shadow rays, against all analytic shapes, of
-    these kinds."""
+    """The function (rays, scene, first, last, real) that tests the batch's rays, or its shadow rays, against the analytic
+    shapes first .. last - 1, of these kinds."""
     if not kinds:
         return nothing
     distance = analytic_distance(kinds)
 
     @inline
-    def test(rays, scene, real):
+    def test(rays, scene, first, last, real):
         if shadow:
             origin, direction = rays.shadow.origin, rays.shadow.direction
         else:
             origin, direction = rays.origin, rays.direction
-        for i in range(scene.n_analytic):
+        for i in range(first, last):
             primitive = scene.analytic_primitives[i]
             for lane in range(np.uint64(LANES)):
                 t = real(distance(scene, i, to_float64(origin[lane]), to_float64(direction[lane])))
                 if shadow:
                     block_shadow(rays, lane, t, may_meet(rays, lane, primitive))
                 else:
-                    keep_nearer(rays, lane, t, primitive, (t < real(np.inf)) & may_meet(rays, lane, primitive))
+                    valid = (t < real(np.inf)) & may_meet(rays, lane, primitive)
+                    keep_nearer(rays, scene, lane, t, primitive, valid, False)
 
     return test
 
 
 @inline
-def nothing(rays, scene, real):
+def nothing(rays, scene, first, last, real):
     """Stands for the test of shapes that the scene lacks."""

@@ -27,6 +27,7 @@ from engines.kernels.lane.shapes.triangle import VertexUV
 from engines.kernels.lane.vector import Vec3, dot, to_float64
 from engines.kernels.layout import LANES, LOBE, SURFACE, ray_batch, scene_table
 from engines.kernels.rows import BSDF_PARAMETERS
+from engines.kernels.stages import instances
 from engines.kernels.stages.textures import OnTriangle, color_at, gradient_at, luminance, make_color, prefetch_texels
 
 # ---- texture coordinates -----------------------------------------------------------------------------------------------
@@ -47,6 +48,7 @@ def _make_coordinates(features: SceneFeatures) -> Any:
     """The function (rays, lane, scene) -> coordinates of the lane's hit, in float64."""
     triangles, spheres, planes, uvs = features.triangles, features.spheres, features.planes, features.uvs
     has_analytic, analytic = len(features.analytic) > 0, analytic_coordinates(features.analytic)
+    turned = features.instances
 
     @inline
     def on_triangle(rays, lane, scene):
@@ -61,8 +63,8 @@ def _make_coordinates(features: SceneFeatures) -> Any:
         return triangle.coordinates(b1, b2, a, b, c)
 
     @inline
-    def coordinates(rays, lane, scene):
-        kind, p = rays.hit.shape[lane], to_float64(rays.hit.point[lane])
+    def of_shape(rays, lane, scene, p):
+        kind = rays.hit.shape[lane]
         if spheres or planes:
             x, y, z, a, b, c, _ = lane_numbers(rays.shape_parameters, lane)
             if spheres and kind == SPHERE:
@@ -76,6 +78,15 @@ def _make_coordinates(features: SceneFeatures) -> Any:
             return on_triangle(rays, lane, scene)
         none = Vec3(0.0, 0.0, 0.0)
         return Coordinates(0.0, 0.0, none, none)
+
+    @inline
+    def coordinates(rays, lane, scene):
+        p = to_float64(rays.hit.point[lane])
+        if turned and rays.instance[lane] >= 0:
+            instance = scene.instances[np.int64(rays.instance[lane])]
+            at = of_shape(rays, lane, scene, instances.point_to_group(instance, p))
+            return Coordinates(at.u, at.v, instances.to_scene(instance, at.dp_du), instances.to_scene(instance, at.dp_dv))
+        return of_shape(rays, lane, scene, p)
 
     return coordinates
 

@@ -164,6 +164,7 @@ class ShadeFeatures(NamedTuple):
     """Light samples may lie on the far side of a surface that transmits their light."""
     curved: tuple[int, ...]
     """Kinds of shapes, besides spheres, that a ray which leaves one may meet again."""
+    instances: bool
     transparent: bool
     """Null lobes are crossed freely, with shadow rays too."""
     hides: bool
@@ -200,20 +201,22 @@ def _no_primitive():
 
 
 @cache
-def make_left(curved: tuple[int, ...]) -> Any:
-    """The function (rays, lane) -> id of the flat primitive that the lane's ray leaves, -1 for none. (Of a sphere the id does
-    no harm: nobody asks.)"""
+def make_leave(curved: tuple[int, ...], instances: bool) -> Any:
+    """The function (rays, lane) that keeps the id of the flat primitive that the lane's ray leaves, -1 for none. (Of a sphere
+    the id does no harm: nobody asks.) And its instance, in scenes with `instances`."""
     unless_curved = dispatch(tuple((kind, _no_primitive) for kind in curved))
 
     @inline
-    def left(rays, lane):
-        return unless_curved(rays.hit.shape[lane], np.int64(rays.primitive[lane]))
+    def leave(rays, lane):
+        rays.origin_primitive[lane] = unless_curved(rays.hit.shape[lane], np.int64(rays.primitive[lane]))
+        if instances:
+            rays.origin_instance[lane] = rays.instance[lane]
 
-    return left
+    return leave
 
 
 @inline
-def _store_next_ray(rays, lane, si, path, result, goes, offset, per_vertex, following, depth, left):
+def _store_next_ray(rays, lane, si, path, result, goes, offset, per_vertex, following, depth, leave):
     """The ray that goes on, from the side of the surface on which it leaves."""
     step = select(result.transmitted, -offset, offset)
     rays.origin[lane] = select(goes, si.point + si.geometric_normal * step, si.origin)
@@ -221,7 +224,7 @@ def _store_next_ray(rays, lane, si, path, result, goes, offset, per_vertex, foll
     rays.path.throughput[lane] = select(goes, result.throughput, path.throughput)
     rays.path.pdf[lane] = select(goes, result.pdf, path.pdf)
     rays.cosine_pdf[lane] = cosine_pdf(si.normal, result.direction)
-    rays.origin_primitive[lane] = left(rays, lane)
+    leave(rays, lane)
     depth = select(goes, depth + 1, depth)
     rays.path.depth[lane] = depth
     rays.dimension[lane] = CAMERA_DIMENSIONS + VERTEX_DIMENSIONS * ((depth - 1) * per_vertex + following)
@@ -229,7 +232,7 @@ def _store_next_ray(rays, lane, si, path, result, goes, offset, per_vertex, foll
 
 
 @inline
-def _store_crossing_ray(rays, lane, si, path, result, crosses, null, goes, offset, depth, left):
+def _store_crossing_ray(rays, lane, si, path, result, crosses, null, goes, offset, depth, leave):
     """`_store_next_ray` where rays may cross surfaces that are no vertices: depth and last vertex stay where one `crosses`."""
     dimension = rays.dimension[lane]
     first, pdf = dimension == CAMERA_DIMENSIONS, rays.cosine_pdf[lane]
@@ -238,7 +241,7 @@ def _store_crossing_ray(rays, lane, si, path, result, crosses, null, goes, offse
     rays.crossing.scattered[lane] = goes & ((rays.crossing.scattered[lane] & (not first)) | (not null))
     rays.crossing.point[lane] = select(crosses, rays.crossing.point[lane], si.point)
     rays.crossing.normal[lane] = select(crosses, rays.crossing.normal[lane], si.geometric_normal)
-    _store_next_ray(rays, lane, si, path, result, goes, offset, 1, 0, depth, left)
+    _store_next_ray(rays, lane, si, path, result, goes, offset, 1, 0, depth, leave)
     rays.cosine_pdf[lane] = select(crosses, pdf, rays.cosine_pdf[lane])
     rays.path.depth[lane] = select(crosses, depth, rays.path.depth[lane])
     rays.dimension[lane] = dimension + VERTEX_DIMENSIONS
@@ -305,7 +308,7 @@ def _load(rays, scene, lane, shading, real):
 
 
 @inline
-def _store(rays, lane, before, result, crosses, null, n_lights, shading, left, share, real):
+def _store(rays, lane, before, result, crosses, null, n_lights, shading, leave, share, real):
     """What the lane does next."""
     working, depth, si = before.working, before.depth, before.si
     light, per_vertex, stays = np.int64(0), np.int64(1), False
@@ -328,10 +331,10 @@ def _store(rays, lane, before, result, crosses, null, n_lights, shading, left, s
     if shading.media:
         _store_media(rays, lane, si, before.light, result, goes, offset, shading)
     if shading.transparent or shading.hides:
-        _store_crossing_ray(rays, lane, si, before.path, result, crosses, null, goes, offset, depth, left)
+        _store_crossing_ray(rays, lane, si, before.path, result, crosses, null, goes, offset, depth, leave)
         return
     following = select(stays, light + 1, 0)
-    _store_next_ray(rays, lane, si, before.path, result, goes, offset, per_vertex, following, depth, left)
+    _store_next_ray(rays, lane, si, before.path, result, goes, offset, per_vertex, following, depth, leave)
     if shading.every:
         rays.t[lane] = select(stays, si.t, rays.t[lane])  # the vertex is shaded once more, by the next light
 
@@ -352,7 +355,8 @@ def _eight_options(scene, real):
 
 
 def _make(step: Any, scattering: Any, shading: ShadeFeatures, real: Any) -> Any:
-    left, transparent, hides, media = make_left(shading.curved), shading.transparent, shading.hides, shading.media
+    leave, transparent, hides = make_leave(shading.curved, shading.instances), shading.transparent, shading.hides
+    media = shading.media
 
     def shade(batch, scene_address):
         rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
@@ -366,15 +370,15 @@ def _make(step: Any, scattering: Any, shading: ShadeFeatures, real: Any) -> Any:
                 bsdf = _scattering_at(rays, lane, before.si, before.path, draws, bsdf, in_medium)
                 crosses = bsdf.null if transparent else hides and rays.crossing.absent[lane]
                 result = step(before.si, before.light, bsdf, draws, before.path, options, crosses, in_medium)
-                _store(rays, lane, before, result, crosses, bsdf.null, n_lights, shading, left, share, real)
+                _store(rays, lane, before, result, crosses, bsdf.null, n_lights, shading, leave, share, real)
                 rays.cosine_pdf[lane] = select(in_medium, real(SPHERE_PDF), rays.cosine_pdf[lane])
             elif transparent or hides:
                 crosses = bsdf.null if transparent else rays.crossing.absent[lane]
                 result = step(before.si, before.light, bsdf, draws, before.path, options, crosses)
-                _store(rays, lane, before, result, crosses, bsdf.null, n_lights, shading, left, share, real)
+                _store(rays, lane, before, result, crosses, bsdf.null, n_lights, shading, leave, share, real)
             else:
                 result = step(before.si, before.light, bsdf, draws, before.path, options)
-                _store(rays, lane, before, result, False, False, n_lights, shading, left, share, real)
+                _store(rays, lane, before, result, False, False, n_lights, shading, leave, share, real)
             if shading.keeps_eta_scale:
                 rays.path.eta_scale[lane] = before.path.eta_scale * bsdf.eta_scale
 
@@ -400,6 +404,7 @@ def shade_features(integrator: Integrator, features: SceneFeatures) -> ShadeFeat
         integrator.shadows,
         through,
         curved_shapes(features),
+        features.instances,
         features.transparent,
         features.hidden_emitters,
         bends,

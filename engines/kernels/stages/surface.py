@@ -15,15 +15,16 @@ from engines.kernels.compile.dispatch import dispatch
 from engines.kernels.compile.jit import compile_stage, inline
 from engines.kernels.compile.masks import lane_bit
 from engines.kernels.compile.records import address_of, lane_numbers, prefetch
-from engines.kernels.compile.values import const, lowest_bit, select
+from engines.kernels.compile.values import const, keep_scalar, lowest_bit, select
 from engines.kernels.features import SceneFeatures, per_features
 from engines.kernels.flatten import lights
 from engines.kernels.flatten.shapes import PLANE, SPHERE, TRIANGLE, analytic_shape
 from engines.kernels.lane.shapes import plane, sphere, triangle
-from engines.kernels.lane.vector import Vec3, dot, extent, largest, sin_cos_turn, to_float64
+from engines.kernels.lane.shapes.intersection import ShapeIntersection
+from engines.kernels.lane.vector import Vec3, dot, extent, largest, length, sin_cos_turn, to_float64, to_real
 from engines.kernels.layout import CAMERA_DIMENSIONS, LANES, MISS, SURFACE, ray_batch, scene_table
 from engines.kernels.rows import MarginRow
-from engines.kernels.stages import environment
+from engines.kernels.stages import environment, instances
 from engines.kernels.stages.emission import make_hits
 from engines.kernels.stages.hit_loads import area_lights, chooses_by_weight, make_load_hit
 
@@ -57,6 +58,42 @@ def _keep(rays, lane, own, found):
 
 
 @inline
+def _turn_rays(rays, scene, real):
+    """Keeps each lane's ray in the coordinates of what it has hit, in the scratch memory of intersectors."""
+    for lane in range(np.uint64(LANES)):
+        keep_scalar()
+        rays.shear_x[lane] = rays.origin[lane]
+        rays.shear_y[lane] = rays.direction[lane]
+        if rays.primitive[lane] >= 0 and rays.instance[lane] >= 0:
+            instance = scene.instances[np.int64(rays.instance[lane])]
+            ray = instances.local_ray(instance, rays.origin[lane], rays.direction[lane], real)
+            rays.shear_x[lane] = ray.origin
+            rays.shear_y[lane] = ray.direction
+
+
+@inline
+def _turn_hits(rays, scene, real):
+    """Puts what was found in the coordinates of groups into those of the scene."""
+    for lane in range(np.uint64(LANES)):
+        keep_scalar()
+        if rays.primitive[lane] >= 0 and rays.instance[lane] >= 0:
+            instance, found = scene.instances[np.int64(rays.instance[lane])], rays.found[lane]
+            stretch = length(instances.to_group(instance, to_float64(rays.direction[lane])))
+            p, normal = to_float64(found.point), to_float64(found.normal)
+            shading, tangent = to_float64(found.shading_normal), to_float64(found.tangent)
+            rays.found[lane] = ShapeIntersection(
+                real(np.float64(found.t) / stretch),
+                real(instances.reach(instance, p, np.float64(found.scale))),
+                found.u,
+                found.v,
+                to_real(instances.to_scene(instance, p) + instance.moved, real),
+                to_real(instances.normal_to_scene(instance, normal), real),
+                to_real(instances.normal_to_scene(instance, shading), real),
+                to_real(instances.to_scene(instance, tangent), real),
+            )
+
+
+@inline
 def _on_triangle(rays, lane, o, d, smooth):
     return triangle.intersection(
         o,
@@ -73,32 +110,37 @@ def _on_triangle(rays, lane, o, d, smooth):
 
 @per_features
 def _make_meet(features: SceneFeatures, real: Any) -> Any:
-    """The function (rays, kinds) that keeps where rays meet the primitives hit, kind by kind: most batches lack one."""
+    """The function (rays, scene, kinds) that keeps where rays meet the primitives hit, kind by kind: most batches lack one."""
     triangles, smooth, spheres, planes = features.triangles, features.smooth, features.spheres, features.planes
     analytic = dispatch(tuple((kind, analytic_shape(kind).lane.intersection) for kind in features.analytic))
-    has_analytic = len(features.analytic) > 0
+    has_analytic, turned = len(features.analytic) > 0, features.instances
 
     @inline
-    def meet(rays, kinds):
+    def meet(rays, scene, kinds):
+        origin, direction = rays.origin, rays.direction
+        if turned:
+            _turn_rays(rays, scene, real)
+            origin, direction = rays.shear_x, rays.shear_y
         if triangles and kinds.triangles != 0:
             for lane in range(np.uint64(LANES)):
-                found = _on_triangle(rays, lane, rays.origin[lane], rays.direction[lane], smooth)
+                found = _on_triangle(rays, lane, origin[lane], direction[lane], smooth)
                 _keep(rays, lane, rays.hit.shape[lane] == TRIANGLE, found)
         if spheres and kinds.spheres != 0:
             for lane in range(np.uint64(LANES)):
                 x, y, z, radius, _, _, _ = lane_numbers(rays.shape_parameters, lane)
-                found = sphere.intersection(rays.origin[lane], rays.direction[lane], Vec3(x, y, z), radius, real)
+                found = sphere.intersection(origin[lane], direction[lane], Vec3(x, y, z), radius, real)
                 _keep(rays, lane, rays.hit.shape[lane] == SPHERE, found)
         if planes and kinds.planes != 0:
             for lane in range(np.uint64(LANES)):
                 x, y, z, a, b, c, _ = lane_numbers(rays.shape_parameters, lane)
-                found = plane.intersection(rays.origin[lane], rays.direction[lane], Vec3(x, y, z), Vec3(a, b, c), real)
+                found = plane.intersection(origin[lane], direction[lane], Vec3(x, y, z), Vec3(a, b, c), real)
                 _keep(rays, lane, rays.hit.shape[lane] == PLANE, found)
         if has_analytic and kinds.analytic != 0:
             for lane in range(np.uint64(LANES)):
                 kind, parameters = rays.hit.shape[lane], lane_numbers(rays.shape_parameters, lane)
-                o, d = rays.origin[lane], rays.direction[lane]
-                rays.found[lane] = analytic(kind, rays.found[lane], o, d, parameters, real)
+                rays.found[lane] = analytic(kind, rays.found[lane], origin[lane], direction[lane], parameters, real)
+        if turned:
+            _turn_hits(rays, scene, real)
 
     return meet
 
@@ -159,13 +201,13 @@ def _make_emission(features: SceneFeatures) -> Any:
 def _make(features: SceneFeatures, real: Any) -> Any:
     zero = real(0)
     load, meet = make_load_hit(features, real), _make_meet(features, real)
-    others, smooth = features.other_shapes, features.smooth
+    others, smooth = features.other_shapes or features.instances, features.smooth
     weighted = chooses_by_weight(features)
     emission, tangents, hides = features.emission, features.tangents, features.hidden_emitters
     emission_at = _make_emission(features)
     constant_environment = lights.CONSTANT_ENVIRONMENT in features.lights
     real_bytes = np.dtype(real).itemsize
-    image_environment, turned = lights.IMAGE_ENVIRONMENT in features.lights, features.turned_environment
+    image_environment, rotated = lights.IMAGE_ENVIRONMENT in features.lights, features.turned_environment
     textured = features.textured_emission
     color_hits = make_hits(features, real) if textured else None
 
@@ -173,7 +215,7 @@ def _make(features: SceneFeatures, real: Any) -> Any:
         rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
         kinds = load(rays, scene)
         if others:
-            meet(rays, kinds)
+            meet(rays, scene, kinds)
         inverse_pmf = real(scene.light_choices)
         environment_inverse_pmf = inverse_pmf
         if weighted:
@@ -204,7 +246,7 @@ def _make(features: SceneFeatures, real: Any) -> Any:
         if textured:
             color_hits(rays, scene)
         if image_environment:
-            _image_environment(rays, scene, environment_inverse_pmf, turned, real_bytes, real)
+            _image_environment(rays, scene, environment_inverse_pmf, rotated, real_bytes, real)
         if hides:
             _hide_environment(rays, none)
 

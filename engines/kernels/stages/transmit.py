@@ -27,7 +27,7 @@ from engines.kernels.layout import LANES, SURFACE, ray_batch, scene_table
 from engines.kernels.rows import BSDF_PARAMETERS
 from engines.kernels.stages.flight import load_extinctions, medium_beyond
 from engines.kernels.stages.material import coordinates_at, make_locate, make_look_up, make_share, tilted, triangle_point
-from engines.kernels.stages.shade import curved_shapes, make_left
+from engines.kernels.stages.shade import curved_shapes, make_leave
 
 _on_surfaces = lanes_where("==", SURFACE)
 
@@ -133,7 +133,7 @@ def _attenuate(rays, scene):
 
 
 @inline
-def _store_next_rays(rays, share, left, has_media, real):
+def _store_next_rays(rays, share, leave, has_media, real):
     """The rays that go on, from the far side of what they have met to the same place; `t` is -1 of the others."""
     zero, infinite = real(0), real(math.inf)
     for lane in range(np.uint64(LANES)):
@@ -145,7 +145,7 @@ def _store_next_rays(rays, share, left, has_media, real):
         rays.origin[lane] = origin
         rays.direction[lane] = select(endless, rays.direction[lane], aim * (real(1) / way))
         rays.t[lane] = select(goes, select(endless, infinite, way * share - offset), real(-1))
-        rays.origin_primitive[lane] = left(rays, lane)
+        leave(rays, lane)
         if has_media:
             far = select(endless, infinite, length(rays.shadow.destination[lane] - rays.hit.point[lane]))
             rays.attenuation.distance[lane] = select(goes, far, zero)
@@ -155,7 +155,7 @@ def _store_next_rays(rays, share, left, has_media, real):
 def _make(features: SceneFeatures, real: Any) -> Any:
     transmittance, textures = _make_transmittance(features, real), features.textures
     locate, programs = make_locate(features), features.programs
-    left, has_media = make_left(curved_shapes(features)), features.media
+    leave, has_media = make_leave(curved_shapes(features), features.instances), features.media
 
     def transmit(batch, scene_address):
         rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
@@ -172,7 +172,7 @@ def _make(features: SceneFeatures, real: Any) -> Any:
             if has_media:
                 before = np.int32(rays.attenuation.medium[lane])
                 rays.attenuation.medium[lane] = medium_beyond(rays, lane, scene, not rays.hit.front[lane], before)
-        _store_next_rays(rays, real(scene.margins[0].shadow_share), left, has_media, real)
+        _store_next_rays(rays, real(scene.margins[0].shadow_share), leave, has_media, real)
 
     return transmit
 

@@ -184,17 +184,17 @@ def _make(triangles: bool, spheres: bool, planes: bool, analytic: tuple[int, ...
                 for lane in range(np.uint64(LANES)):
                     ray = make_ray(rays.origin[lane], rays.direction[lane], eps, real)
                     t = distance_to_triangle(ray, points, i)
-                    keep_nearer(rays, lane, t, primitive, (t > real(0)) & may_meet(rays, lane, primitive))
+                    keep_nearer(rays, scene, lane, t, primitive, (t > real(0)) & may_meet(rays, lane, primitive), False)
             if spheres and (not triangles or i >= scene.n_triangles):
                 k = i - scene.n_triangles
                 center, radius, primitive = scene.spheres[k].center, scene.spheres[k].radius, scene.sphere_primitives[k]
                 for lane in range(np.uint64(LANES)):
                     o, d = to_float64(rays.origin[lane]), to_float64(rays.direction[lane])
                     t = real(sphere_distance(o, d, center, radius))
-                    keep_nearer(rays, lane, t, primitive, t < real(np.inf))
+                    keep_nearer(rays, scene, lane, t, primitive, t < real(np.inf), False)
         if planes:
-            closest_planes(rays, scene, real)
-        test_analytic(rays, scene, real)
+            closest_planes(rays, scene, real, False)
+        test_analytic(rays, scene, 0, scene.n_analytic, real)
 
     return closest
 

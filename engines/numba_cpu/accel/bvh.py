@@ -8,15 +8,17 @@ from concurrent.futures import Executor, ThreadPoolExecutor
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from engines.errors import Unsupported
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten import FlatScene
 from engines.kernels.layout import SceneTable
+from engines.kernels.rows import InstanceRow
 from engines.numba_cpu.accel import bvh_walk
-from engines.numba_cpu.accel.bvh_build import BINS, LEAF, OVERLAP, SWEPT, Growth, grow_tree
-from engines.numba_cpu.accel.bvh_collapse import MOST_PRIMITIVES, NODE_WORDS, Choices, weigh, widen
-from engines.numba_cpu.accel.bvh_leaves import empty_leaves, fill_leaves
+from engines.numba_cpu.accel.bvh_build import BINS, LEAF, OVERLAP, SWEPT, Firsts, Growth, grow_tree
+from engines.numba_cpu.accel.bvh_collapse import CHILDREN, MOST_PRIMITIVES, NODE_WORDS, NOTHING, WIDTH, Choices, weigh, widen
+from engines.numba_cpu.accel.bvh_leaves import SPILL, empty_leaves, fill_leaves, stride
 from engines.numba_cpu.accel.primitives import fill_records, padding, primitive_counts, rounding
 
 
@@ -43,6 +45,7 @@ class Accelerator:
     name = "bvh"
     precision = None
     scratch = bvh_walk.SCRATCH
+    instances = True
 
     def __init__(self, options: Mapping[str, Any]) -> None:
         self._quality = QUALITIES[options.get("quality", DEFAULT_QUALITY)]
@@ -55,19 +58,28 @@ class Accelerator:
         if n > MOST_PRIMITIVES:
             raise Unsupported(f"bvh: {n} primitives, of at most {MOST_PRIMITIVES}")
         if n > 0:
-            extent = float(np.abs(flat.bounds - flat.center).max())
-            if not extent < FARTHEST:
-                raise Unsupported(f"bvh: the scene reaches {extent:.3g} m, of at most {FARTHEST:g}; take accelerator none")
             with ThreadPoolExecutor(threads) as pool:
-                unit = 2.0 ** float(np.frexp(extent)[1])  # no area overflows
-                nodes, leaves = _build(flat, unit, self._quality, threads, pool)
+                parts = [self._part(flat.part(number), threads, pool) for number in range(len(flat.begins) - 1)]
+            nodes, leaves, roots = _joined(parts, flat.real)
+            if flat.features.instances:
+                group = flat.arrays[SceneTable.instances][:, InstanceRow.fields["group"].first].astype(np.int64)
+                flat.bind(bvh_walk.BvhTable.roots, roots[1:][group])
             flat.bind(bvh_walk.BvhTable.nodes, nodes)
             flat.bind(bvh_walk.BvhTable.leaves, leaves)
             self.bytes = nodes.nbytes + leaves.nbytes
         self.build_seconds = time.perf_counter() - start
 
+    def _part(self, part: FlatScene, threads: int, pool: Executor) -> tuple[Any, Any]:
+        """Nodes and leaves of a part of the scene."""
+        extent = float(np.abs(part.bounds - part.center).max())
+        if not extent < FARTHEST:
+            raise Unsupported(f"bvh: the scene reaches {extent:.3g} m, of at most {FARTHEST:g}; take accelerator none")
+        unit = 2.0 ** float(np.frexp(extent)[1])  # no area overflows
+        return _build(part, unit, self._quality, threads, pool)
+
     def stages(self, features: SceneFeatures, real: Any) -> tuple[Any, Any]:
-        return bvh_walk.stages(features.triangles, features.spheres, features.planes, features.analytic, real)
+        kinds = features.triangles, features.spheres, features.planes, features.analytic, features.instances
+        return bvh_walk.stages(*kinds, real)
 
 
 class Grown(NamedTuple):
@@ -92,10 +104,26 @@ def _build(flat: FlatScene, unit: float, quality: Quality, threads: int, pool: E
     return nodes, data
 
 
-def _first_of_kinds(flat: FlatScene) -> tuple[int, int]:
-    """The numbers of the first sphere and of the first analytic shape."""
-    triangles, spheres, _ = primitive_counts(flat)
-    return triangles, triangles + spheres
+def _joined(parts: list[tuple[Any, Any]], real: Any) -> tuple[Any, Any, NDArray[np.int32]]:
+    """Nodes and leaves of all parts, and the root of each."""
+    roots, places = [0], [0]
+    for nodes, leaves in parts:
+        roots.append(roots[-1] + len(nodes))
+        places.append(places[-1] + (len(leaves) - SPILL) // stride(real))
+    if len(parts) == 1:
+        return *parts[0], np.array(roots, np.int32)
+    for (nodes, _), root, place in zip(parts[1:], roots[1:], places[1:], strict=False):
+        children = nodes.view(np.int32)[:, CHILDREN : CHILDREN + WIDTH]
+        inner, leaf = children >= 0, (children < 0) & (children != NOTHING)
+        children[inner] += root
+        children[leaf] -= 32 * place
+    data = [leaves[:-SPILL] for _, leaves in parts[:-1]]
+    return np.concatenate([nodes for nodes, _ in parts]), np.concatenate([*data, parts[-1][1]]), np.array(roots, np.int32)
+
+
+def _first_of_kinds(flat: FlatScene) -> Firsts:
+    triangles, spheres, analytic, _ = primitive_counts(flat)
+    return Firsts(triangles, triangles + spheres, triangles + spheres + analytic)
 
 
 def _grown(flat: FlatScene, unit: float, quality: Quality, threads: int, pool: Executor) -> Grown:
@@ -109,7 +137,7 @@ def _grown(flat: FlatScene, unit: float, quality: Quality, threads: int, pool: E
         np.empty((2 * places, 3), np.int32),
         flat.arrays[SceneTable.vertices],
         flat.arrays[SceneTable.triangles],
-        *_first_of_kinds(flat),
+        _first_of_kinds(flat),
         quality.bins,
         quality.swept,
         quality.fewest,
@@ -123,14 +151,14 @@ def _grown(flat: FlatScene, unit: float, quality: Quality, threads: int, pool: E
     return Grown(unit, growth.order[0].copy(), growth.boxes, growth.links, filled, above)
 
 
-def _widened(grown: Grown, first_of_kinds: tuple[int, int], pool: Executor) -> tuple[Any, Any]:
+def _widened(grown: Grown, firsts: Firsts, pool: Executor) -> tuple[Any, Any]:
     """The eight-wide tree: nodes, and which primitives are in its leaves."""
     unit, order, boxes, links = grown.unit, grown.order, grown.boxes, grown.links
     choices = Choices(np.empty((len(boxes), 7), np.float32), np.empty((len(boxes), 7), np.int8))
-    list(pool.map(lambda part: weigh(boxes, links, choices, *part, order, *first_of_kinds), grown.filled))
+    list(pool.map(lambda part: weigh(boxes, links, choices, *part, order, firsts), grown.filled))
     for node in grown.above:
-        weigh(boxes, links, choices, node, node + 1, order, *first_of_kinds)
-    tree = boxes, unit, links, choices.ways, order, *first_of_kinds
+        weigh(boxes, links, choices, node, node + 1, order, firsts)
+    tree = boxes, unit, links, choices.ways, order, firsts
     counts = widen(*tree, False, np.empty((0, NODE_WORDS), np.float32), np.empty((0, 4), np.int32))
     nodes, leaves = np.zeros((counts[0], NODE_WORDS), np.float32), np.empty((counts[1], 4), np.int32)
     widen(*tree, True, nodes, leaves)

@@ -49,8 +49,16 @@ OVERLAP = 1e-3
 SEARCH = max(10 * 3 * BINS + 16, 5 * SWEPT)
 """Numbers that the search for a plane between parts works on."""
 SCRATCH = SEARCH + CUT_SCRATCH
-TRIANGLES, SPHERES, ANALYTIC = range(3)
-"""Kinds of primitives, in the order in which they are numbered."""
+TRIANGLES, SPHERES, ANALYTIC, INSTANCES = range(4)
+"""Kinds of primitives, in the order in which they are numbered. A leaf holds one instance."""
+
+
+class Firsts(NamedTuple):
+    """The numbers of the first sphere, of the first analytic shape and of the first instance."""
+
+    sphere: int
+    analytic: int
+    instance: int
 
 
 class Growth(NamedTuple):
@@ -65,8 +73,7 @@ class Growth(NamedTuple):
     links: NDArray[np.int32]
     vertices: NDArray[Any]
     faces: NDArray[np.int32]
-    first_sphere: int
-    first_analytic: int
+    firsts: Firsts
     bins: int
     swept: int
     fewest: int
@@ -78,9 +85,9 @@ class Growth(NamedTuple):
 
 
 @inline
-def kind_of(i, first_sphere, first_analytic):
-    """TRIANGLES, SPHERES or ANALYTIC: the kind of primitive number i."""
-    return np.int64(i >= first_sphere) + np.int64(i >= first_analytic)
+def kind_of(i, firsts):
+    """TRIANGLES, SPHERES, ANALYTIC or INSTANCES: the kind of primitive number i."""
+    return np.int64(i >= firsts.sphere) + np.int64(i >= firsts.analytic) + np.int64(i >= firsts.instance)
 
 
 @inline
@@ -272,14 +279,17 @@ def _divide(growth, node, copy, window, depth, scratch):
     store8(array_at(growth.boxes.ctypes.data, np.float32), 8 * node, box)
     growth.links[node, 0], growth.links[node, 1], growth.links[node, 2] = start, n, 0
     if n <= LEAF:
-        bound = np.int64(growth.first_sphere)
+        bound = np.int64(growth.firsts.sphere)
         below = _count_below(source.order, window, bound)
         if not 0 < below < n:
-            bound = np.int64(growth.first_analytic)
+            bound = np.int64(growth.firsts.analytic)
+            below = _count_below(source.order, window, bound)
+        if not 0 < below < n:
+            bound = np.int64(growth.firsts.instance)
             below = _count_below(source.order, window, bound)
         if 0 < below < n:
             return _move_by_number(source, target, window, bound)
-        if n <= growth.fewest:
+        if n == 1 or (n <= growth.fewest and below == n):  # in the end `below` counts what is no instance
             return 0, 0
     if depth < DEEPEST:
         swept = n <= growth.swept

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from engines.kernels.compile.jit import inline, kernel
 from engines.kernels.compile.memory import array_at
 from engines.kernels.compile.simd import load8
-from engines.numba_cpu.accel.bvh_build import LEAF, kind_of
+from engines.numba_cpu.accel.bvh_build import INSTANCES, LEAF, kind_of
 from engines.numba_cpu.accel.bvh_cuts import half_area
 
 WIDTH = 8
@@ -23,7 +23,7 @@ NODE_COST, LEAF_COST = 1.0, 1.0
 NODE_WORDS = 64
 """A wide node: x, y, z of its children's lower corners and then of the upper ones, eight float32 each; the children, eight
 int32, NOTHING for none; and eight unused words. A child is a wide node, or a leaf -1 - (32 first + 8 kind + count - 1), which
-holds count primitives of a kind from place `first`."""
+holds count primitives of a kind from place `first`; of an instance, `first` is its number and count 1."""
 CHILDREN = 48
 NOTHING = -(2**31)
 MOST_PRIMITIVES = 2**26 - 1
@@ -53,13 +53,14 @@ def _best_way(costs, left, i):
 
 
 @inline
-def _weigh(boxes, links, choices, n, order, first_sphere, first_analytic):
+def _weigh(boxes, links, choices, n, order, firsts):
     costs, ways = choices.costs, choices.ways
     first, count, left = links[n, 0], links[n, 1], links[n, 2]
     area = half_area(load8(boxes, 8 * n))
-    lowest = kind_of(order[first], first_sphere, first_analytic)
-    highest = kind_of(order[first + count - 1], first_sphere, first_analytic)
-    may_end = count <= LEAF and lowest == highest  # small nodes are sorted by kind
+    lowest = kind_of(order[first], firsts)
+    highest = kind_of(order[first + count - 1], firsts)
+    most = 1 if highest == INSTANCES else LEAF
+    may_end = count <= most and lowest == highest  # small nodes are sorted by kind
     leaf = area * np.float32(LEAF_COST) if may_end else np.float32(np.inf)
     if left == 0:
         costs[n] = leaf
@@ -75,10 +76,10 @@ def _weigh(boxes, links, choices, n, order, first_sphere, first_analytic):
 
 
 @kernel
-def weigh(boxes, links, choices, first, last, order, first_sphere, first_analytic):
+def weigh(boxes, links, choices, first, last, order, firsts):
     """Fills `choices` for the nodes last - 1 .. first, of which none may lie below an earlier one."""
     for n in range(last - 1, first - 1, -1):
-        _weigh(array_at(boxes.ctypes.data, np.float32), links, choices, n, order, first_sphere, first_analytic)
+        _weigh(array_at(boxes.ctypes.data, np.float32), links, choices, n, order, firsts)
 
 
 @inline
@@ -114,7 +115,7 @@ def _put_child(boxes, unit, nodes, place, m):
 
 
 @kernel
-def widen(boxes, unit, links, ways, order, first_sphere, first_analytic, write, nodes, leaves):
+def widen(boxes, unit, links, ways, order, firsts, write, nodes, leaves):
     """Fills wide `nodes` (k, 64) float32, depth first, and `leaves` (l, 4) int32: where their parts start in `order`, count,
     kind, and the place in memory of the first. Returns (k, l), and with `write` False only those. `boxes` are in multiples of
     `unit`."""
@@ -130,16 +131,18 @@ def widen(boxes, unit, links, ways, order, first_sphere, first_analytic, write, 
         for slot in range(WIDTH):
             m, child = -1, np.int64(NOTHING)
             if slot < size:
-                m = found[slot]
+                m, kind = found[slot], np.int64(-1)
                 if ways[m, 0] == 0:
-                    kind = kind_of(order[links[m, 0]], first_sphere, first_analytic)
+                    kind = kind_of(order[links[m, 0]], firsts)
+                    child = -1 - (32 * (np.int64(order[links[m, 0]]) - firsts.instance) + 8 * kind)
+                if ways[m, 0] == 0 and kind != INSTANCES:
                     if write:
                         leaves[ended, 0], leaves[ended, 1], leaves[ended, 2] = links[m, 0], links[m, 1], kind
                         leaves[ended, 3] = placed
                     child = -1 - (32 * placed + 8 * kind + np.int64(links[m, 1]) - 1)
                     ended += 1
                     placed += np.int64(links[m, 1])
-                else:
+                elif ways[m, 0] != 0:
                     todo[top, 0], todo[top, 1] = m, used
                     child = used
                     used += 1

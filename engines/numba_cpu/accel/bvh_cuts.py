@@ -91,7 +91,7 @@ def _cut(growth, i, box, axis, at, left, right):
     store8(right, 0, box)
     margin = np.float32(growth.pad / growth.unit) + abs(at) * np.float32(4 * EPS)
     left[4 + axis], right[axis] = max(left[4 + axis], -(at + margin)), max(right[axis], at - margin)
-    if i >= growth.first_sphere:
+    if i >= growth.firsts.sphere:
         return
     plane = np.float64(at) * growth.unit
     for side, sign in ((left, 1.0), (right, -1.0)):

@@ -32,18 +32,19 @@ def empty_leaves(n: int, real: Any) -> NDArray[np.uint8]:
 
 
 def fill_leaves(leaves: NDArray[np.int32], order: NDArray[np.int32], flat: FlatScene, data: NDArray[np.uint8]) -> None:
-    """Writes the given `leaves` (k, 4), see `widen`."""
+    """Writes the given `leaves` (k, 4), see `widen`, of a part of a scene."""
     fields = (
         *(SceneTable.vertices, SceneTable.triangles, SceneTable.triangle_primitives, SceneTable.spheres),
         *(SceneTable.sphere_primitives, SceneTable.analytic_primitives),
     )
-    (_fill32 if flat.real == np.float32 else _fill64)(leaves, order, *(flat.arrays[field] for field in fields), data)
+    arrays = (flat.arrays[field] for field in fields)
+    (_fill32 if flat.real == np.float32 else _fill64)(leaves, order, *arrays, flat.begins[0].analytic, data)
 
 
 def _make_fill(real: Any) -> Any:
     bytes_each, row_bytes = stride(real), 9 * np.dtype(real).itemsize
 
-    def fill(leaves, order, vertices, faces, face_ids, spheres, sphere_ids, analytic_ids, data):
+    def fill(leaves, order, vertices, faces, face_ids, spheres, sphere_ids, analytic_ids, first_analytic, data):
         for leaf in range(len(leaves)):
             first, n, kind = np.int64(leaves[leaf, 0]), np.int64(leaves[leaf, 1]), leaves[leaf, 2]
             base = data.ctypes.data + np.int64(leaves[leaf, 3]) * bytes_each
@@ -51,7 +52,7 @@ def _make_fill(real: Any) -> Any:
                 words = array_at(base, np.int32)
                 for k in range(n):
                     i = np.int64(order[first + k]) - len(faces) - len(spheres)
-                    words[k], words[n + k] = analytic_ids[i], i
+                    words[k], words[n + k] = analytic_ids[i], first_analytic + i
                 continue
             sphere = kind == SPHERES
             reals, doubles = array_at(base, real), array_at(base, np.float64)

@@ -22,16 +22,18 @@ from engines.kernels.lane.shapes.sphere import sphere_distance
 from engines.kernels.lane.shapes.triangle import ray_frame, triangle_distance
 from engines.kernels.lane.vector import Vec3, extent, to_float64
 from engines.kernels.layout import ACCELERATOR, LANES, RayBatch, ray_batch, scene_table
+from engines.kernels.stages.instances import enter, leave
 from engines.kernels.stages.linear import (
     analytic_distance,
     block_shadow,
     closest_planes,
+    is_before,
     keep_nearer,
     may_meet,
     nothing,
     occluded_planes,
 )
-from engines.numba_cpu.accel.bvh_build import ANALYTIC, DEEPEST, TRIANGLES
+from engines.numba_cpu.accel.bvh_build import ANALYTIC, DEEPEST, INSTANCES, TRIANGLES
 from engines.numba_cpu.accel.bvh_collapse import CHILDREN, NODE_WORDS, NOTHING
 from engines.numba_cpu.accel.bvh_leaves import stride
 from engines.numba_cpu.accel.primitives import PAD_ULPS, clear_hits, finite_inverse
@@ -40,6 +42,7 @@ from engines.numba_cpu.accel.primitives import PAD_ULPS, clear_hits, finite_inve
 class BvhTable(Table, first=ACCELERATOR):
     nodes = array(np.float32)  # see `bvh_collapse`
     leaves = array(np.uint8)  # see `bvh_leaves`
+    roots = array(np.int32)  # of instances: the node where the tree of their group begins
 
 
 bvh_table = table_view(BvhTable)
@@ -58,8 +61,13 @@ KEYS = 32
 STACK = 7 * (DEEPEST + 32) + 21
 ENTRIES = KEYS + STACK
 RECORD = -(-(ENTRIES + STACK) // 16) * 16
-AT_NODES, AT_LEAVES = LANES * RECORD, LANES * RECORD + LANES + 1
-SCRATCH = LANES * RECORD + 2 * (LANES + 1)
+QUEUE = LANES + 1
+AT_NODES, AT_LEAVES = LANES * RECORD, LANES * RECORD + QUEUE
+# Where there are instances, a ray in one of them has another record and number, `LANES` more than its lane's, and another batch
+# (`stages.instances`): what it leaves behind outside stays as it is.
+QUEUES = 2 * LANES * RECORD
+INNER = -(-(QUEUES + 2 * QUEUE) // 16) * 16
+SCRATCH = INNER + RayBatch.bytes(np.float32) // 4
 STEP_LINES = 5
 """Cache lines that a step prefetches: a node has four, a leaf of eight float32 triangles five (of larger ones the first)."""
 SLOT = 7
@@ -79,6 +87,7 @@ class Rule(NamedTuple):
 
     triangles: bool
     spheres: bool
+    instances: bool
     shadow: bool
 
 
@@ -276,9 +285,10 @@ def _spheres(o, d, base, n, real):
 
 
 @inline
-def _send(ray, child, lane, queues, waiting, tree, bytes_each):
+def _send(ray, child, lane, queues, waiting, tree, bytes_each, instances):
     """Puts a lane into the queue where its next step is (written to both, counted in one, or none), and prefetches the memory
-    that the step reads: some 1.4 times the rays in a tree beyond the second cache."""
+    that the step reads: some 1.4 times the rays in a tree beyond the second cache. What is at its end within an instance waits
+    among the leaves."""
     ray.words[CHILD] = child
     place = np.int64(child)
     wanted = select(place >= 0, tree.nodes + 4 * NODE_WORDS * place, tree.leaves + ((-1 - place) >> 5) * bytes_each)
@@ -286,20 +296,28 @@ def _send(ray, child, lane, queues, waiting, tree, bytes_each):
         prefetch(wanted + 64 * line)
     queues.nodes[waiting.nodes] = lane
     queues.leaves[waiting.leaves] = lane
-    return Waiting(waiting.nodes + np.int64(child >= 0), waiting.leaves + np.int64((child < 0) & (child != NOTHING)))
+    stays = child != NOTHING
+    if instances:
+        stays = stays | (lane >= LANES)
+    return Waiting(waiting.nodes + np.int64(child >= 0), waiting.leaves + np.int64((child < 0) & stays))
 
 
 @inline
-def _take_nearest(rays, ray, lane, t, primitives, valid, real):
+def _take_nearest(rays, scene, ray, lane, t, primitives, valid, instances, real):
     """Keeps the nearest of a leaf's valid hits, of equals the one of lowest id, where it beats what the lane has."""
     t = select(valid, t, real(np.inf))
     nearest = lowest(t)
     primitive = lowest(select(t == nearest, primitives, np.int32(2**31 - 1)))
     best, found = rays.t[lane], rays.primitive[lane]
-    better = (nearest < best) | ((nearest == best) & (primitive < found))
+    before = primitive < found
+    if instances:
+        before = is_before(scene, primitive, found, rays.instance[lane])
+    better = (nearest < best) | ((nearest == best) & before)
     nearest = select(better, nearest, best)
     rays.t[lane] = nearest
     rays.primitive[lane] = select(better, np.int64(primitive), found)
+    if instances:
+        rays.instance[lane] = select(better, np.int64(-1), np.int64(rays.instance[lane]))
     _set_t_max(ray, nearest)
 
 
@@ -312,7 +330,7 @@ def _leave_leaf(ray, tree, shadow, hidden):
 
 
 @inline
-def _enter_leaf(rays, lane, o, d, ray, tree, rule, real, row_bytes, bytes_each):
+def _enter_leaf(rays, scene, lane, o, d, ray, tree, rule, real, row_bytes, bytes_each):
     """Tests the triangles or the spheres of a leaf; returns the child to go to next."""
     code = -1 - np.int64(ray.words[CHILD])
     base, n = tree.leaves + (code >> 5) * bytes_each, (code & 7) + 1
@@ -329,12 +347,12 @@ def _enter_leaf(rays, lane, o, d, ray, tree, rule, real, row_bytes, bytes_each):
         hidden = bits(valid & (t < rays.shadow.t_max[lane])) != 0
         rays.shadow.occluded[lane] = hidden
     else:
-        _take_nearest(rays, ray, lane, t, primitives, valid, real)
+        _take_nearest(rays, scene, ray, lane, t, primitives, valid, rule.instances, real)
     return _leave_leaf(ray, tree, rule.shadow, hidden)
 
 
 @inline
-def _enter_analytic_leaf(rays, scene, lane, o, d, ray, tree, shadow, distance, real, bytes_each):
+def _enter_analytic_leaf(rays, scene, lane, o, d, ray, tree, rule, distance, real, bytes_each):
     """Tests the analytic shapes of a leaf one by one; returns the child to go to next."""
     code = -1 - np.int64(ray.words[CHILD])
     words, n = array_at(tree.leaves + (code >> 5) * bytes_each, np.int32), (code & 7) + 1
@@ -343,13 +361,45 @@ def _enter_analytic_leaf(rays, scene, lane, o, d, ray, tree, shadow, distance, r
         primitive = words[k]
         t = real(distance(scene, words[n + k], to_float64(o), to_float64(d)))
         valid = (t < real(np.inf)) & may_meet(rays, lane, primitive)
-        if shadow:
+        if rule.shadow:
             block_shadow(rays, lane, t, valid)
             hidden = rays.shadow.occluded[lane] != 0
         else:
-            keep_nearer(rays, lane, t, primitive, valid)
+            keep_nearer(rays, scene, lane, t, primitive, valid, rule.instances)
             _set_t_max(ray, rays.t[lane])
-    return _leave_leaf(ray, tree, shadow, hidden)
+    return _leave_leaf(ray, tree, rule.shadow, hidden)
+
+
+@inline
+def _start_within(rays, inner, scene, own, lane, i, scratch, rule, real):
+    """Sets up a lane's ray in instance i; returns the root of its group."""
+    enter(rays, inner, scene, lane, i, rule.shadow, real)
+    ray = _ray(scratch, lane + np.uint64(LANES), real)
+    o, d, t = _query(inner, lane, rule.shadow)
+    _start(ray, o, d, t, rule.shadow)
+    if rule.triangles:
+        _start_shear(ray, o, d)
+    if not rule.shadow:
+        inner.instance[lane] = -1
+    return own.roots[i]
+
+
+@inline
+def _go_on_outside(rays, inner, scene, lane, ray, tree, rule, real):
+    """Takes what a lane's ray has met in an instance; returns the child to go to next, of the record outside."""
+    leave(rays, inner, scene, lane, rule.shadow, real)
+    if rule.shadow:
+        return _leave_leaf(ray, tree, True, rays.shadow.occluded[lane] != 0)
+    _set_t_max(ray, rays.t[lane])
+    return _leave_leaf(ray, tree, False, False)
+
+
+@inline
+def _query(rays, lane, shadow):
+    """Origin, direction and end of a lane's ray, or of its shadow ray."""
+    if shadow:
+        return rays.shadow.origin[lane], rays.shadow.direction[lane], rays.shadow.t_max[lane]
+    return rays.origin[lane], rays.direction[lane], rays.t[lane]
 
 
 @inline
@@ -369,57 +419,88 @@ def _start_rays(scratch, origin, direction, t_max, triangles, queues, shadow, re
 
 
 @inline
-def _enter_nodes(scratch, tree, queues, waiting, bytes_each, shadow, real):
+def _enter_nodes(scratch, tree, queues, waiting, bytes_each, rule, real):
     """One step of every ray that stands at a node."""
     todo, waiting = waiting.nodes, Waiting(np.int64(0), waiting.leaves)
     for k in range(todo):
         lane = np.uint64(queues.nodes[k])
         ray = _ray(scratch, lane, real)
-        child = _enter_node_in_any_order(ray, tree) if shadow else _enter_node(ray, tree)
-        waiting = _send(ray, child, lane, queues, waiting, tree, bytes_each)
+        child = _enter_node_in_any_order(ray, tree) if rule.shadow else _enter_node(ray, tree)
+        waiting = _send(ray, child, lane, queues, waiting, tree, bytes_each, rule.instances)
     return waiting
 
 
-def _make(triangles: bool, spheres: bool, planes: bool, analytic: tuple[int, ...], shadow: bool, real: Any) -> Any:
+def _make(
+    triangles: bool, spheres: bool, planes: bool, analytic: tuple[int, ...], instances: bool, shadow: bool, real: Any
+) -> Any:
     scratch_first, row_bytes, bytes_each = RayBatch.bytes(real), 9 * np.dtype(real).itemsize, stride(real)
     bounded, has_analytic, only_analytic = triangles or spheres, bool(analytic), not (triangles or spheres)
     distance = analytic_distance(analytic) if analytic else nothing
+    at_nodes, at_leaves = (QUEUES, QUEUES + QUEUE) if instances else (AT_NODES, AT_LEAVES)
+    inner_first = scratch_first + INNER * np.dtype(real).itemsize
+
+    @inline
+    def enter_leaf(rays, scene, lane, ray, tree, rule):
+        o, d, _ = _query(rays, lane, shadow)
+        if has_analytic and (only_analytic or (((-1 - ray.words[CHILD]) >> 3) & 3) == ANALYTIC):
+            return _enter_analytic_leaf(rays, scene, lane, o, d, ray, tree, rule, distance, real, bytes_each)
+        return _enter_leaf(rays, scene, lane, o, d, ray, tree, rule, real, row_bytes, bytes_each)
+
+    @inline
+    def enter_leaf_or_instance(batch, scene, own, number, scratch, tree, rule):
+        """Returns the child to go to next, and the number of the record."""
+        rays, inner = ray_batch(batch, real), ray_batch(batch + inner_first, real)
+        within = number >= LANES
+        lane = number - np.uint64(LANES) if within else number
+        ray = _ray(scratch, number, real)
+        child = ray.words[CHILD]
+        if child == NOTHING:
+            return _go_on_outside(rays, inner, scene, lane, _ray(scratch, lane, real), tree, rule, real), lane
+        code = -1 - np.int64(child)
+        if ((code >> 3) & 3) == INSTANCES:
+            root = _start_within(rays, inner, scene, own, lane, code >> 5, scratch, rule, real)
+            return root, lane + np.uint64(LANES)
+        at = ray_batch(batch + inner_first if within else batch, real)
+        return enter_leaf(at, scene, lane, ray, tree, rule), number
 
     def stage(batch, scene_address):
         rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
-        rule, scratch = Rule(triangles, spheres, shadow), batch + scratch_first
+        rule, scratch = Rule(triangles, spheres, instances, shadow), batch + scratch_first
         if shadow:
             origin, direction, t_max = rays.shadow.origin, rays.shadow.direction, rays.shadow.t_max
         else:
             origin, direction, t_max = rays.origin, rays.direction, rays.t
-        clear_hits(rays, shadow)
+        clear_hits(rays, shadow, instances)
         if bounded or has_analytic:
             own = bvh_table(scene_address, real)
             nodes = address_of(own.nodes)
             tree = Tree(nodes, own.nodes, array_at(nodes, np.int32), address_of(own.leaves))
-            queues = Queues(array_at(scratch + 4 * AT_NODES, np.int32), array_at(scratch + 4 * AT_LEAVES, np.int32))
+            queues = Queues(array_at(scratch + 4 * at_nodes, np.int32), array_at(scratch + 4 * at_leaves, np.int32))
             waiting = _start_rays(scratch, origin, direction, t_max, triangles, queues, shadow, real)
             while waiting.nodes + waiting.leaves > 0:
-                waiting = _enter_nodes(scratch, tree, queues, waiting, bytes_each, shadow, real)
+                waiting = _enter_nodes(scratch, tree, queues, waiting, bytes_each, rule, real)
                 todo, waiting = waiting.leaves, Waiting(waiting.nodes, np.int64(0))
                 for k in range(todo):
                     lane = np.uint64(queues.leaves[k])
-                    ray, o, d = _ray(scratch, lane, real), origin[lane], direction[lane]
-                    if has_analytic and (only_analytic or (((-1 - ray.words[CHILD]) >> 3) & 3) == ANALYTIC):
-                        child = _enter_analytic_leaf(rays, scene, lane, o, d, ray, tree, shadow, distance, real, bytes_each)
+                    if instances:
+                        child, lane = enter_leaf_or_instance(batch, scene, own, lane, scratch, tree, rule)
+                        ray = _ray(scratch, lane, real)
                     else:
-                        child = _enter_leaf(rays, lane, o, d, ray, tree, rule, real, row_bytes, bytes_each)
-                    waiting = _send(ray, child, lane, queues, waiting, tree, bytes_each)
+                        ray = _ray(scratch, lane, real)
+                        child = enter_leaf(rays, scene, lane, ray, tree, rule)
+                    waiting = _send(ray, child, lane, queues, waiting, tree, bytes_each, instances)
         if planes and shadow:
             occluded_planes(rays, scene, real)
         elif planes:
-            closest_planes(rays, scene, real)
+            closest_planes(rays, scene, real, instances)
 
     return stage
 
 
 @cache
-def stages(triangles: bool, spheres: bool, planes: bool, analytic: tuple[int, ...], real: Any) -> tuple[Any, Any]:
+def stages(
+    triangles: bool, spheres: bool, planes: bool, analytic: tuple[int, ...], instances: bool, real: Any
+) -> tuple[Any, Any]:
     """(closest, occluded) for a scene with these kinds of shapes."""
-    shapes = (triangles, spheres, planes, analytic)
+    shapes = (triangles, spheres, planes, analytic, instances)
     return compile_stage(_make(*shapes, False, real)), compile_stage(_make(*shapes, True, real))

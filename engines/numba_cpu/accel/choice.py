@@ -8,9 +8,10 @@ choice. Planes cost the same in both, and are left out.
 from __future__ import annotations
 
 import math
+from itertools import chain
 from typing import NamedTuple
 
-from engines.scene import Mesh, Plane, Scene, Sphere, SphereSet, Triangle
+from engines.scene import Instance, Mesh, Plane, Scene, Sphere, SphereSet, Triangle
 
 
 class Counts(NamedTuple):
@@ -43,9 +44,10 @@ COSTS = {
 
 
 def counts_of(scene: Scene) -> Counts:
-    """How many primitives of each kind the scene holds."""
+    """How many primitives of each kind the scene shows."""
     triangles = spheres = analytic = 0
-    for shape in scene.shapes:
+    shown = ([*shape.group.shapes] if isinstance(shape, Instance) else [shape] for shape in scene.shapes)
+    for shape in chain.from_iterable(shown):
         if isinstance(shape, (Mesh, Triangle)):
             triangles += len(shape.faces) if isinstance(shape, Mesh) else 1
         elif isinstance(shape, (Sphere, SphereSet)):

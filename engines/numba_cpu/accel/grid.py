@@ -302,7 +302,7 @@ def _make(triangles: bool, spheres: bool, planes: bool, analytic: tuple[int, ...
             if shadow:
                 occluded_planes(rays, scene, real)
             else:
-                closest_planes(rays, scene, real)
+                closest_planes(rays, scene, real, False)
 
     return stage
 

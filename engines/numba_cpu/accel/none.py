@@ -17,13 +17,14 @@ import numpy as np
 from engines.kernels.compile.jit import compile_stage, inline
 from engines.kernels.compile.memory import array_at
 from engines.kernels.compile.records import REAL, Row, Table, real, rows, scalar, table_view, vector, vectors
-from engines.kernels.compile.values import const, select
+from engines.kernels.compile.values import const, keep_scalar, select
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten import FlatScene
 from engines.kernels.lane.shapes.triangle import Shear, ray_frame, shear, triangle_distance
 from engines.kernels.lane.vector import Vec3, extent
 from engines.kernels.layout import ACCELERATOR, LANES, RayBatch, SceneTable, ray_batch, scene_table
 from engines.kernels.rows import TriangleRow
+from engines.kernels.stages.instances import enter, leave
 from engines.kernels.stages.linear import (
     block_shadow,
     closest_planes,
@@ -39,7 +40,9 @@ CHUNK = 64
 """Triangles a chunk: at most 192 vertices of 3 x 16 numbers, 36 KiB in float32."""
 INVERSE = 3 * CHUNK * 3 * LANES
 """Where in the scratch memory, behind the vertices, lie the inverse directions."""
-SCRATCH = INVERSE + 3 * LANES
+INNER = INVERSE + 3 * LANES
+"""Where there are instances, the batch of the rays in one of them lies here, in numbers."""
+SCRATCH = INNER + RayBatch.bytes(np.float32) // np.dtype(np.float32).itemsize
 BOX_COST, CHUNK_COST = 2.5, 4.0
 """In tests of a triangle: the test of a chunk's box; what a chunk costs besides its triangles, for frames and vertices."""
 INDEPENDENT = 4
@@ -62,8 +65,18 @@ class BoxRow(Row):
     highest = vector()
 
 
+class PartRow(Row):
+    """Where the chunks, spheres and analytic shapes of a part begin; they end where the next part's do."""
+
+    dtype = np.int64
+    chunk = real()
+    sphere = real()
+    analytic = real()
+
+
 class ListTable(Table, first=ACCELERATOR):
-    n_chunks = scalar()
+    n_chunks = scalar()  # outside of groups
+    parts = rows(PartRow)  # what is outside of groups, each group, and one more
     chunks = rows(ChunkRow)  # one more than there are
     vertices = vectors(REAL)  # of each chunk by itself
     faces = rows(TriangleRow)  # indices of vertices in the chunk
@@ -79,26 +92,33 @@ class Accelerator:
     name = "none"
     precision = None
     scratch = SCRATCH
+    instances = True
 
     def __init__(self, options: Any) -> None:
         self.build_seconds, self.bytes = 0.0, 0
 
     def build(self, flat: FlatScene, threads: int) -> None:
         start = time.perf_counter()
-        faces, vertices = flat.arrays[SceneTable.triangles], flat.arrays[SceneTable.vertices]
         chunks, corners, local, boxes = [(0, 0, 0)], [np.zeros((0, 3), flat.real)], [np.zeros((0, 3), np.int32)], []
-        shapes = np.searchsorted(flat.first_id, flat.arrays[SceneTable.triangle_primitives], side="right")
-        whole, triangles = _area(np.ptp(flat.bounds, axis=0)), vertices[faces]
-        ends = triangles.min(axis=1).astype(np.float64), triangles.max(axis=1).astype(np.float64)
-        for chunk in _chunks(shapes, *ends, whole):
-            own, index = np.unique(vertices[faces[chunk.first : chunk.last]].reshape(-1, 3), axis=0, return_inverse=True)
-            corners.append(own)
-            local.append(index.reshape(-1, 3).astype(np.int32))
-            lowest, highest = own.min(axis=0) - padding(flat), own.max(axis=0) + padding(flat)
-            chunks[-1] = (*chunks[-1][:2], int(chunk.bounded(whole)))
-            chunks.append((chunks[-1][0] + len(own), chunks[-1][1] + len(local[-1]), 0))
-            boxes.append((lowest, highest))
-        flat.bind(ListTable.n_chunks, len(chunks) - 1)
+        parts = []
+        for number, begin in enumerate(flat.begins):
+            parts.append((len(boxes), begin.spheres, begin.analytic))
+            if begin is flat.begins[-1]:
+                break
+            part = flat.part(number)
+            faces, vertices = part.arrays[SceneTable.triangles], part.arrays[SceneTable.vertices]
+            shapes = np.searchsorted(flat.first_id, part.arrays[SceneTable.triangle_primitives], side="right")
+            whole, triangles, pad = _area(np.ptp(part.bounds, axis=0)), vertices[faces], padding(part)
+            ends = triangles.min(axis=1).astype(np.float64), triangles.max(axis=1).astype(np.float64)
+            for chunk in _chunks(shapes, *ends, whole):
+                own, index = np.unique(vertices[faces[chunk.first : chunk.last]].reshape(-1, 3), axis=0, return_inverse=True)
+                corners.append(own)
+                local.append(index.reshape(-1, 3).astype(np.int32))
+                chunks[-1] = (*chunks[-1][:2], int(chunk.bounded(whole)))
+                chunks.append((chunks[-1][0] + len(own), chunks[-1][1] + len(local[-1]), 0))
+                boxes.append((own.min(axis=0) - pad, own.max(axis=0) + pad))
+        flat.bind(ListTable.parts, np.array(parts, np.int64))
+        flat.bind(ListTable.n_chunks, parts[1][0])
         flat.bind(ListTable.chunks, np.array(chunks, np.int64))
         flat.bind(ListTable.vertices, np.concatenate(corners))
         flat.bind(ListTable.faces, np.concatenate(local))
@@ -106,7 +126,7 @@ class Accelerator:
         self.build_seconds = time.perf_counter() - start
 
     def stages(self, features: SceneFeatures, real: Any) -> tuple[Any, Any]:
-        return stages(features.triangles, features.spheres, features.planes, features.analytic, real)
+        return stages(features.triangles, features.spheres, features.planes, features.analytic, features.instances, real)
 
 
 def _area(size: Any) -> float:
@@ -234,62 +254,103 @@ def _take(rays, lane, t, primitive, shadow, zero):
         rays.primitive[lane] = select(better, np.int64(primitive), found)
 
 
-def _make(triangles: bool, spheres: bool, planes: bool, analytic: tuple[int, ...], shadow: bool, real: Any) -> Any:
-    scratch = RayBatch.bytes(real)
-    test_analytic = make_analytic_test(analytic, shadow)
+@cache
+def _make_test_triangles(shadow: bool, real: Any) -> Any:
+    """The function (rays, scene, own, sheared, first, last) that tests a batch against the chunks first .. last - 1."""
     eps = np.finfo(real).eps
     shift_share, end_share = real(PAD_ULPS * eps), real(1 + PAD_ULPS * eps)
 
-    def stage(batch, scene_address):
-        rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
+    @inline
+    def test_triangles(rays, scene, own, sheared, first, last):
         if shadow:
             origin, direction, end = rays.shadow.origin, rays.shadow.direction, rays.shadow.t_max
         else:
             origin, direction, end = rays.origin, rays.direction, rays.t
-        clear_hits(rays, shadow)
-        if triangles:
-            sheared, own = array_at(batch + scratch, real), list_table(scene_address, real)
-            chunks, vertices, faces, primitives = own.chunks, own.vertices, own.faces, scene.triangle_primitives
-            boxes, framed = own.boxes, False
-            _invert(sheared, direction, real)
-            for k in range(own.n_chunks):
-                if chunks[k].bounded != 0 and not _some_meet(sheared, origin, end, boxes[k], shift_share, end_share):
-                    continue
-                if not framed:
-                    _make_frames(rays, direction)
-                    framed = True
-                _shear_vertices(rays, sheared, vertices, chunks[k].vertex, chunks[k + 1].vertex, origin)
-                for f in range(chunks[k].face, chunks[k + 1].face):
-                    a, b, c = (
-                        3 * LANES * np.int64(faces[f].a),
-                        3 * LANES * np.int64(faces[f].b),
-                        3 * LANES * np.int64(faces[f].c),
+        chunks, vertices, faces, primitives = own.chunks, own.vertices, own.faces, scene.triangle_primitives
+        boxes, framed = own.boxes, False
+        _invert(sheared, direction, real)
+        for k in range(first, last):
+            if chunks[k].bounded != 0 and not _some_meet(sheared, origin, end, boxes[k], shift_share, end_share):
+                continue
+            if not framed:
+                _make_frames(rays, direction)
+                framed = True
+            _shear_vertices(rays, sheared, vertices, chunks[k].vertex, chunks[k + 1].vertex, origin)
+            for f in range(chunks[k].face, chunks[k + 1].face):
+                a, b, c = (3 * LANES * np.int64(faces[f].a), 3 * LANES * np.int64(faces[f].b), 3 * LANES * np.int64(faces[f].c))
+                primitive = primitives[f]
+                for lane in range(np.uint64(LANES)):
+                    t = triangle_distance(
+                        _sheared_vertex(sheared, a, lane), _sheared_vertex(sheared, b, lane), _sheared_vertex(sheared, c, lane)
                     )
-                    primitive = primitives[f]
-                    for lane in range(np.uint64(LANES)):
-                        t = triangle_distance(
-                            _sheared_vertex(sheared, a, lane),
-                            _sheared_vertex(sheared, b, lane),
-                            _sheared_vertex(sheared, c, lane),
-                        )
-                        _take(rays, lane, t, primitive, shadow, real(0))
+                    _take(rays, lane, t, primitive, shadow, real(0))
+
+    return test_triangles
+
+
+@cache
+def _make_test_instances(triangles: bool, spheres: bool, analytic: tuple[int, ...], shadow: bool, real: Any) -> Any:
+    """The function (rays, inner, scene, own, sheared) that tests a batch against all instances, in each as batch `inner`."""
+    test_triangles, test_analytic = _make_test_triangles(shadow, real), make_analytic_test(analytic, shadow)
+
+    @inline
+    def test_instances(rays, inner, scene, own, sheared):
+        for i in range(scene.n_instances):
+            for lane in range(np.uint64(LANES)):
+                keep_scalar()
+                enter(rays, inner, scene, lane, i, shadow, real)
+            group = np.int64(scene.instances[i].group)
+            part, behind = own.parts[group + 1], own.parts[group + 2]
+            if triangles:
+                test_triangles(inner, scene, own, sheared, part.chunk, behind.chunk)
+            if spheres and shadow:
+                occluded_spheres(inner, scene, part.sphere, behind.sphere, real)
+            elif spheres:
+                closest_spheres(inner, scene, part.sphere, behind.sphere, real)
+            test_analytic(inner, scene, part.analytic, behind.analytic, real)
+            for lane in range(np.uint64(LANES)):
+                keep_scalar()
+                leave(rays, inner, scene, lane, shadow, real)
+
+    return test_instances
+
+
+def _make(
+    triangles: bool, spheres: bool, planes: bool, analytic: tuple[int, ...], instances: bool, shadow: bool, real: Any
+) -> Any:
+    scratch = RayBatch.bytes(real)
+    inner_batch = scratch + INNER * np.dtype(real).itemsize
+    test_analytic = make_analytic_test(analytic, shadow)
+    test_triangles = _make_test_triangles(shadow, real)
+    test_instances = _make_test_instances(triangles, spheres, analytic, shadow, real) if instances else None
+
+    def stage(batch, scene_address):
+        rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
+        own, sheared = list_table(scene_address, real), array_at(batch + scratch, real)
+        clear_hits(rays, shadow, instances)
+        if triangles:
+            test_triangles(rays, scene, own, sheared, 0, own.n_chunks)
         if shadow:
             if spheres:
-                occluded_spheres(rays, scene, real)
+                occluded_spheres(rays, scene, 0, scene.n_spheres, real)
             if planes:
                 occluded_planes(rays, scene, real)
         else:
             if spheres:
-                closest_spheres(rays, scene, real)
+                closest_spheres(rays, scene, 0, scene.n_spheres, real)
             if planes:
-                closest_planes(rays, scene, real)
-        test_analytic(rays, scene, real)
+                closest_planes(rays, scene, real, False)
+        test_analytic(rays, scene, 0, scene.n_analytic, real)
+        if instances:
+            test_instances(rays, ray_batch(batch + inner_batch, real), scene, own, sheared)
 
     return stage
 
 
 @cache
-def stages(triangles: bool, spheres: bool, planes: bool, analytic: tuple[int, ...], real: Any) -> tuple[Any, Any]:
+def stages(
+    triangles: bool, spheres: bool, planes: bool, analytic: tuple[int, ...], instances: bool, real: Any
+) -> tuple[Any, Any]:
     """(closest, occluded) for a scene with these kinds of shapes."""
-    shapes = (triangles, spheres, planes, analytic)
+    shapes = (triangles, spheres, planes, analytic, instances)
     return compile_stage(_make(*shapes, False, real)), compile_stage(_make(*shapes, True, real))

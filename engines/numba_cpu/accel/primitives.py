@@ -1,8 +1,8 @@
 """What accelerators share: boxes of the primitives; of grids and area hierarchies the ray of one lane, and the test of one
 primitive.
 
-Primitives are numbered triangles first, then spheres, then analytic shapes. Boxes are padded by a few ulps of the scene's
-extent, so a ray in a box face, or along a cell wall, is inside by a margin and needs no special case.
+Primitives are numbered triangles first, then spheres, then analytic shapes, then instances. Boxes are padded by a few ulps of
+the scene's extent, so a ray in a box face, or along a cell wall, is inside by a margin and needs no special case.
 """
 
 from __future__ import annotations
@@ -44,13 +44,15 @@ class Ray(NamedTuple):
 
 
 @inline
-def clear_hits(rays, shadow):
+def clear_hits(rays, shadow, instances):
     """No ray has hit anything yet."""
     for lane in range(np.uint64(LANES)):
         if shadow:
             rays.shadow.occluded[lane] = 0
         else:
             rays.primitive[lane] = -1
+            if instances:
+                rays.instance[lane] = -1
 
 
 @inline
@@ -88,19 +90,20 @@ def corners(flat: FlatScene) -> NDArray[Any]:
 
 
 def primitive_ids(flat: FlatScene) -> NDArray[np.int32]:
-    """(n,) ids of triangles, then spheres, then analytic shapes."""
+    """(n,) ids of triangles, then spheres, then analytic shapes, of a scene without instances."""
     kinds = SceneTable.triangle_primitives, SceneTable.sphere_primitives, SceneTable.analytic_primitives
     return np.concatenate([flat.arrays[kind] for kind in kinds])
 
 
-def primitive_counts(flat: FlatScene) -> tuple[int, int, int]:
-    """How many triangles, spheres and analytic shapes there are."""
-    _, triangles, spheres, analytic = _shapes(flat)
-    return len(triangles), len(spheres), len(analytic)
+def primitive_counts(flat: FlatScene) -> tuple[int, int, int, int]:
+    """How many triangles, spheres, analytic shapes and instances there are."""
+    fields = SceneTable.triangles, SceneTable.spheres, SceneTable.analytic_bounds, SceneTable.instance_bounds
+    triangles, spheres, analytic, instances = (len(flat.arrays[field]) for field in fields)
+    return triangles, spheres, analytic, instances
 
 
 def boxes(flat: FlatScene) -> NDArray[Any]:
-    """(n, 6) lower and upper corners of triangles, then spheres, then analytic shapes, padded, in the tracing precision."""
+    """(n, 6) lower and upper corners of primitives, padded, in the tracing precision."""
     result = np.empty((sum(primitive_counts(flat)), 6), flat.real)
     _fill_boxes(*_shapes(flat), flat.real(padding(flat)), result)
     return result
@@ -113,10 +116,11 @@ def padding(flat: FlatScene) -> float:
 
 
 def _shapes(flat: FlatScene) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:
-    """Vertices, triangles, spheres, and the bounds of analytic shapes."""
-    fields = SceneTable.vertices, SceneTable.triangles, SceneTable.spheres, SceneTable.analytic_bounds
-    vertices, triangles, spheres, bounds = (flat.arrays[field] for field in fields)
-    return vertices, triangles, spheres, bounds
+    """Vertices, triangles, spheres, and the bounds of analytic shapes and of instances."""
+    fields = SceneTable.vertices, SceneTable.triangles, SceneTable.spheres
+    vertices, triangles, spheres = (flat.arrays[field] for field in fields)
+    bounds = flat.arrays[SceneTable.analytic_bounds], flat.arrays[SceneTable.instance_bounds]
+    return vertices, triangles, spheres, np.concatenate(bounds)
 
 
 @kernel

@@ -91,10 +91,7 @@ class _Walk:
     def __init__(self, tree: Bvh, origin: Array, direction: Array, nearest: Nearest, any_hit: bool) -> None:
         self.tree, self.nearest, self.any_hit = tree, nearest, any_hit
         self.left = nearest.origins_among(tree._primitives)
-        # A zero component becomes tiny: the padded slab then answers -huge and +huge, or twice the same, never NaN.
-        safe = np.where(np.abs(direction) < 1e-300, 1e-300, direction)
-        pad = 32.0 * EPSILON * (np.abs(origin).max(axis=0) + tree._extent) + 1e-300
-        self.slabs = np.ascontiguousarray(np.concatenate([origin + pad, origin - pad, 1.0 / safe]))
+        self.slabs = slabs_of(origin, direction, tree._extent)
         self.copies, self.rays = tree._primitives.rays(origin, direction)
         self.rays = np.ascontiguousarray(self.rays)  # `take` copies the whole of an array that is not
         self.copies = self.copies * tree._leaf_count
@@ -130,11 +127,11 @@ class _Walk:
     def _enter_nodes(self, lanes: Indices) -> None:
         """The nearest child that the ray meets becomes its place; the others go to the stack, the nearest on top."""
         tree, ray, node = self.tree, self.ray[lanes], self.place[lanes]
-        bounds = _columns(tree._bounds, node).reshape(6, WIDTH, -1)
-        entry, met = _slabs(bounds, self.slabs.take(ray, axis=1), self.nearest.t[ray])
+        bounds = columns(tree._bounds, node).reshape(6, WIDTH, -1)
+        entry, met = slabs(bounds, self.slabs.take(ray, axis=1), self.nearest.t[ray])
         keys = entry.view(np.int64)
         keys &= ~CHILD
-        keys |= _columns(tree._child, node)
+        keys |= columns(tree._child, node)
         np.copyto(keys, FAR, where=~met)
         ordered = list(keys)
         for i, j in SORTING_NETWORK:
@@ -170,8 +167,8 @@ class _Walk:
     def _test_leaves(self, lanes: Indices) -> None:
         tree, ray = self.tree, self.ray[lanes]
         leaf = self.place[lanes] - tree._nodes
-        held = _columns(tree._leaves, leaf)
-        primitives = _columns(tree._data, leaf + self.copies[ray]).reshape(-1, *held.shape)
+        held = columns(tree._leaves, leaf)
+        primitives = columns(tree._data, leaf + self.copies[ray]).reshape(-1, *held.shape)
         t = tree._primitives.distance(primitives, self.rays.take(ray, axis=1)[:, None])
         if self.left is not None:
             t[held == self.left[ray]] = np.inf
@@ -185,12 +182,20 @@ class _Walk:
             self.height[lanes[self.nearest.primitive_id[ray] >= 0]] = 0
 
 
-def _columns(table: np.ndarray, rows: Indices) -> np.ndarray:
+def columns(table: np.ndarray, rows: Indices) -> np.ndarray:
     """(k, n) some rows of a table (m, k), as columns."""
     return np.ascontiguousarray(table.take(rows, axis=0).T)
 
 
-def _slabs(bounds: Array, ray: Array, t_max: Array) -> tuple[Array, np.ndarray]:
+def slabs_of(origin: Array, direction: Array, extent: float, slack: float = 1.0) -> Array:
+    """(9, n) what `slabs` wants of rays (3, n) among boxes of this extent, which are padded `slack` times as much as usual."""
+    # A zero component becomes tiny: the padded slab then answers -huge and +huge, or twice the same, never NaN.
+    safe = np.where(np.abs(direction) < 1e-300, 1e-300, direction)
+    pad = 32.0 * slack * EPSILON * (np.abs(origin).max(axis=0) + extent) + 1e-300
+    return np.ascontiguousarray(np.concatenate([origin + pad, origin - pad, 1.0 / safe]))
+
+
+def slabs(bounds: Array, ray: Array, t_max: Array) -> tuple[Array, np.ndarray]:
     """Where rays (9, n) enter the boxes (6, 8, n), and which they meet in [0, t_max]; NaN bounds are never met.
     Overwrites `bounds`.
 

@@ -10,6 +10,7 @@ from engines.choices import Choice
 from engines.numpy_reference.accelerators.bvh import Bvh
 from engines.numpy_reference.accelerators.exhaustive import Exhaustive
 from engines.numpy_reference.accelerators.nearest import Nearest, Part
+from engines.numpy_reference.accelerators.turned import TurnedParts
 from engines.numpy_reference.geometry import Geometry
 from engines.numpy_reference.vectors import EPSILON, Array, Indices
 
@@ -64,6 +65,9 @@ def _parts(geometry: Geometry, accelerator: Choice) -> list[Part]:
         if primitives.primitive_id.size:
             tree = accelerator.name == "bvh" and primitives.bounded
             found.append(Bvh(primitives, accelerator.options["leaf_size"]) if tree else Exhaustive(primitives))
+    if geometry.instances is not None:
+        groups = [_parts(group, accelerator) for group in geometry.groups]
+        found.append(TurnedParts(geometry.instances, groups, accelerator.name == "bvh"))
     return found
 
 
@@ -71,5 +75,5 @@ def resolved_accelerator(choice: Choice, geometry: Geometry) -> Choice:
     """What `auto` stands for in this scene; any other choice as it is."""
     if choice.name != "auto":
         return choice
-    bounded = sum(primitives.primitive_id.size for primitives in geometry.sets if primitives.bounded)
+    bounded = geometry.count - sum(primitives.primitive_id.size for primitives in geometry.sets if not primitives.bounded)
     return Choice("none") if bounded <= AUTO_LIMIT else Choice("bvh", {"leaf_size": 4})

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from engines.peers.adapters.colors import largest, least
-from engines.scene import Bump, EnvironmentLight, Mesh, Mixture, NormalMap, PointLight, Scene, Triangle
+from engines.scene import Bump, EnvironmentLight, Instance, Mesh, Mixture, NormalMap, PointLight, Scene, Triangle
 from engines.scene.bsdf import Bsdf
 from engines.scene.bsdf_tree import is_textured, own_textures
 
@@ -25,7 +25,9 @@ def environments_lack(scene: Scene, who: str) -> str | None:
 def textures_lack(scene: Scene) -> str | None:
     """One sentence where a shape other than triangles has a texture, which renderers have on meshes alone, or None."""
     for shape in scene.shapes:
-        if not isinstance(shape, Triangle | Mesh) and is_textured((material := scene.materials[shape.material]).as_bsdf):
+        if isinstance(shape, Triangle | Mesh | Instance):
+            continue
+        if is_textured((material := scene.materials[shape.material]).as_bsdf):
             return f"material {material.name!r}: textures are translated on meshes, not on a {type(shape).__name__}"
     return None
 

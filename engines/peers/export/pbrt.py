@@ -204,7 +204,7 @@ def _shape(scene: model.Scene, shape: model.Shape, beside: Beside) -> Iterator[s
         for piece in pieces(shape):
             file = beside.mesh(shape.name, piece.vertices, piece.faces, piece.normals)
             yield from _dressed(scene, piece.material, [f'Shape "plymesh" "string filename" [ "{file}" ]'])
-    elif (spheres := as_spheres(shape)) is not None:
+    elif not isinstance(shape, model.Instance) and (spheres := as_spheres(shape)) is not None:
         for center, radius in zip(spheres.centers, spheres.radii, strict=True):
             body = [f"Translate {numbers(center)}", f'Shape "sphere" "float radius" [ {float(radius)!r} ]']
             yield from _dressed(scene, shape.material, body)

@@ -17,6 +17,7 @@ from engines.scene import (
     Disk,
     EnvironmentLight,
     ImageTexture,
+    Instance,
     Mesh,
     Mixture,
     Perspective,
@@ -94,6 +95,6 @@ class Engine(AdapterEngine):
         if lacks := textures_lack(scene):
             return lacks
         for shape in scene.shapes:
-            if not isinstance(shape, (Triangle, Mesh)) and scene.materials[shape.material].emits:
+            if not isinstance(shape, (Triangle, Mesh, Instance)) and scene.materials[shape.material].emits:
                 return f"LuxCore has area lights of triangles only, not of the kind {type(shape).__name__}"
         return None

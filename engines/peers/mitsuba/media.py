@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from engines.peers.mitsuba.nodes import Node, rgb
-from engines.scene import HomogeneousMedium, Scene, Shape
+from engines.scene import HomogeneousMedium, Scene, Single
 from engines.scene.media import SIDES
 
 
@@ -20,7 +20,7 @@ def reference(index: int) -> Node:
     return {"type": "ref", "id": f"medium_{index}"}
 
 
-def sides_node(shape: Shape, turned: bool) -> Node:
+def sides_node(shape: Single, turned: bool) -> Node:
     """The media on the sides of a shape; those of its back, where it is `turned`."""
     names = SIDES[::-1] if turned else SIDES
     named = zip(names, (shape.interior, shape.exterior), strict=True)

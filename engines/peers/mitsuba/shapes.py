@@ -11,7 +11,20 @@ from engines.peers.adapters.geometry import extent, pieces, two_sides
 from engines.peers.mitsuba.media import sides_node
 from engines.peers.mitsuba.nodes import Array, Node, Placing
 from engines.peers.mitsuba.textures import Textures
-from engines.scene import Cylinder, Disk, Mesh, MeshAttribute, Plane, Scene, Shape, Sphere, SphereSet, Texture, Triangle
+from engines.scene import (
+    Cylinder,
+    Disk,
+    Instance,
+    Mesh,
+    MeshAttribute,
+    Plane,
+    Scene,
+    Shape,
+    Sphere,
+    SphereSet,
+    Texture,
+    Triangle,
+)
 from engines.scene.bsdf_tree import anisotropic, members, uses_uvs
 from engines.scene.frames import facing
 from engines.scene.shapes import as_mesh, as_spheres
@@ -55,6 +68,7 @@ def emission_lacks(scene: Scene) -> str | None:
     """One sentence on what Mitsuba does not support of the textures that surfaces emit, or None. It samples them through
     (u, v) in [0, 1], and misses all else."""
     for shape in scene.shapes:
+        assert not isinstance(shape, Instance), "declined before"
         indices = np.unique(shape.materials) if isinstance(shape, Mesh) else [shape.material]
         for material in (scene.materials[index] for index in indices):
             if isinstance(material.emission, MeshAttribute):
@@ -90,7 +104,7 @@ def parts(scene: Scene, placing: Placing, textures: Textures) -> Iterator[Part]:
 
 
 def _round_or_flat(scene: Scene, index: int, shape: Shape, size: float, textures: Textures) -> Iterator[Part]:
-    assert not isinstance(shape, (Triangle, Mesh))
+    assert not isinstance(shape, (Triangle, Mesh, Instance))
     material = scene.materials[shape.material]
     sides = ((1, GAP * size), (-1, GAP * size)) if material.emits and material.two_sided else ((1, 0.0),)
     for side, gap in sides:
@@ -121,7 +135,9 @@ def _finished(scene: Scene, node: Node, part: Part, textures: Textures) -> Part:
     """The part with its material, media and light."""
     material = scene.materials[part.material]
     node["bsdf"] = {"type": "ref", "id": f"material_{part.material}"}
-    node |= sides_node(scene.shapes[part.shape], part.flipped)
+    shape = scene.shapes[part.shape]
+    assert not isinstance(shape, Instance), "declined before"
+    node |= sides_node(shape, part.flipped)
     if material.emits:
         node["emitter"] = {"type": "area", "radiance": textures.color(material.emission)}
     return part

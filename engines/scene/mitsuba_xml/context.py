@@ -13,7 +13,7 @@ from engines.errors import suggestion
 from engines.scene.bsdf import MAX_DEPTH, Bsdf, Sides
 from engines.scene.context import SceneReader
 from engines.scene.files import Place
-from engines.scene.frames import LARGEST, Matrix
+from engines.scene.frames import LARGEST
 from engines.scene.materials import Material
 from engines.scene.media import HomogeneousMedium
 from engines.scene.mitsuba_xml.document import Element
@@ -29,8 +29,7 @@ from engines.scene.triple import BLACK
 class Importer:
     """The state of importing one scene. `built` are results by the plugin (its identity) and how it was asked for; `one_sided`
     are names of BSDFs that are black from behind; `emitting` are the shapes of area emitters, `media` those of shapes and of
-    the sensor. `outer` is the `to_world` of the instance whose copies are being made, and `copied` counts the primitives of
-    all."""
+    the sensor. `merged` counts the shapes of merges."""
 
     reader: SceneReader
     ids: dict[str, Plugin]
@@ -40,8 +39,7 @@ class Importer:
     one_sided: dict[str, None] = field(default_factory=dict)
     emitting: dict[int, Plugin] = field(default_factory=dict)
     media: list[HomogeneousMedium] = field(default_factory=list)
-    outer: Matrix | None = None
-    copied: int = 0
+    merged: int = 0
 
     @property
     def place(self) -> Place:
@@ -115,11 +113,6 @@ class Importer:
         other = self.emitting.setdefault(id(emitter), shape)
         if other is not shape:
             raise shape.refuse(f"its emitter is that of {other.element.where} too: give each shape an emitter of its own")
-
-    def to_world(self, plugin: Plugin) -> Matrix:
-        """(4, 4) that of a shape, with that of the instance after it."""
-        own = plugin.transform()
-        return own if self.outer is None else self.outer @ own
 
     def check_finite(self, plugin: Plugin, vertices: NDArray[np.float64]) -> None:
         """Raises `SceneError` where a transform has led out of the range of numbers."""

@@ -1,4 +1,4 @@
-"""Shapes of a scene, in which `merge` stands for the shapes within it, and `instance` for copies of those of a group.
+"""Shapes of a scene, in which `merge` stands for the shapes within it; and groups, which instances show.
 
 What a group and an instance may hold is what Mitsuba 3.9 allows (`src/render/shapegroup.cpp`, `src/shapes/instance.cpp`).
 """
@@ -7,14 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from engines.scene.mesh import Mesh, is_singular
+from engines.errors import SceneError
 from engines.scene.mitsuba_xml.context import Importer
 from engines.scene.mitsuba_xml.properties import Plugin
 from engines.scene.mitsuba_xml.shapes import shape
-from engines.scene.shapes import Shape
+from engines.scene.shapes import MAX_INSTANCES, Group, Instance, Shape
 
-MAX_COPIED = 4_000_000
-"""Triangles and other primitives in all copies."""
+MAX_MERGED = 200_000
+"""Shapes in merges, those in merges within others again and again."""
 
 
 def shapes(importer: Importer, plugin: Plugin) -> Iterator[Shape]:
@@ -25,7 +25,7 @@ def shapes(importer: Importer, plugin: Plugin) -> Iterator[Shape]:
             yield from shapes(importer, inner)
         importer.leave(plugin)
     elif plugin.type == "instance":
-        yield from _copies(importer, plugin)
+        yield _instance(importer, plugin)
     elif plugin.type != "shapegroup":
         yield shape(importer, plugin)
 
@@ -36,41 +36,47 @@ def _merged(importer: Importer, plugin: Plugin) -> list[Plugin]:
         raise plugin.refuse("a merge has no to_world: its shapes have their own")
     if importer.taken(plugin, "bsdf"):
         importer.notes.add("a BSDF of a merge is not used: its shapes have their own", plugin.element)
-    return importer.taken(plugin, "shape")
+    found = importer.taken(plugin, "shape")
+    importer.merged += len(found)
+    if importer.merged > MAX_MERGED:
+        raise plugin.refuse(f"merges hold more than {MAX_MERGED:,} shapes")
+    return found
 
 
-def _copies(importer: Importer, plugin: Plugin) -> Iterator[Shape]:
-    """The shapes of the group, placed by `to_world` after their own; its mirror images keep their front."""
+def _instance(importer: Importer, plugin: Plugin) -> Instance:
+    """The group, placed by `to_world`."""
     if importer.taken(plugin, "bsdf"):
         raise plugin.refuse("an instance has no BSDF: the shapes of its group have their own")
     groups = importer.taken(plugin, "shape")
     if len(groups) != 1 or groups[0].type != "shapegroup":
         raise plugin.refuse("an instance has one shape, a shapegroup")
-    matrix = plugin.transform()
-    if is_singular(matrix[:3, :3]):
-        raise plugin.refuse("to_world of an instance must not flatten")
-    importer.outer = matrix
-    for inner in _members(importer, groups[0]):
-        copy = shape(importer, inner)
-        importer.copied += len(copy.faces) if isinstance(copy, Mesh) else 1
-        if importer.copied > MAX_COPIED:
-            raise plugin.refuse(f"instances have more than {MAX_COPIED:,} triangles and other primitives in all")
-        yield copy
-    importer.outer = None
+    importer.reader.instances += 1
+    if importer.reader.instances > MAX_INSTANCES:
+        raise plugin.refuse(f"more than {MAX_INSTANCES:,} instances")
+    group = _group(importer, groups[0])
+    try:
+        made = Instance(group, plugin.transform()[:3])
+    except SceneError as problem:
+        raise plugin.refuse(f"to_world: {problem}") from problem
     importer.finish(plugin)
+    return made
 
 
-def _members(importer: Importer, group: Plugin) -> list[Plugin]:
-    """The shapes of a group, which have been checked once."""
-    key = (id(group), "members")
+def _group(importer: Importer, plugin: Plugin) -> Group:
+    """The group of a shapegroup, made once."""
+    key = (id(plugin), "group")
     if key not in importer.built:
-        if importer.taken(group, "bsdf"):
-            raise group.refuse("a shapegroup has no BSDF: its shapes have their own")
-        if group.has("to_world"):
-            group.read.add("to_world")
-            importer.notes.add("to_world of a shapegroup has no effect", group.element)
-        importer.built[key] = list(_single(importer, group))
-        importer.finish(group)
+        if importer.taken(plugin, "bsdf"):
+            raise plugin.refuse("a shapegroup has no BSDF: its shapes have their own")
+        if plugin.has("to_world"):
+            plugin.read.add("to_world")
+            importer.notes.add("to_world of a shapegroup has no effect", plugin.element)
+        members = [shape(importer, inner) for inner in _single(importer, plugin)]
+        try:
+            importer.built[key] = Group(plugin.id or "group", tuple(members))
+        except SceneError as problem:
+            raise plugin.refuse(str(problem)) from problem
+        importer.finish(plugin)
     return importer.built[key]
 
 

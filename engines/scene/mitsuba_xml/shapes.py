@@ -25,7 +25,7 @@ from engines.scene.mitsuba_xml.media import sides_of
 from engines.scene.mitsuba_xml.properties import Plugin
 from engines.scene.mitsuba_xml.transforms import similarity
 from engines.scene.models import Diffuse, Null
-from engines.scene.shapes import PART, Cylinder, Disk, Shape, Sphere
+from engines.scene.shapes import PART, Cylinder, Disk, Single, Sphere
 from engines.scene.tessellate import Triangles
 from engines.scene.textures import Color, MeshAttribute, Texture, UVTexture
 from engines.scene.triple import BLACK, triple
@@ -62,7 +62,7 @@ class Look:
         return attributes(self.bsdf) | ({self.radiance.name} if isinstance(self.radiance, MeshAttribute) else set())
 
 
-def shape(importer: Importer, plugin: Plugin) -> Shape:
+def shape(importer: Importer, plugin: Plugin) -> Single:
     """The shape of a plugin with its material. Raises `SceneError`."""
     make = SHAPES.get(plugin.type)
     if make is None:
@@ -160,11 +160,11 @@ def _flat(importer: Importer, plugin: Plugin, look: Look) -> Mesh:
     """A rectangle or a cube."""
     turn = plugin.boolean("flip_normals", default=False)
     triangles = tessellate.rectangle() if plugin.type == "rectangle" else tessellate.cube()
-    return _mesh(importer, plugin, look, triangles, importer.to_world(plugin), turn)
+    return _mesh(importer, plugin, look, triangles, plugin.transform(), turn)
 
 
-def _of_disk(importer: Importer, plugin: Plugin, look: Look) -> Shape:
-    matrix, turn = importer.to_world(plugin), plugin.boolean("flip_normals", default=False)
+def _of_disk(importer: Importer, plugin: Plugin, look: Look) -> Single:
+    matrix, turn = plugin.transform(), plugin.boolean("flip_normals", default=False)
     radius = _round(matrix[:3, 0], matrix[:3, 1])
     if radius is None:
         importer.notes.add("a stretched disk is made of triangles", plugin.element)
@@ -179,10 +179,10 @@ def _of_disk(importer: Importer, plugin: Plugin, look: Look) -> Shape:
     return _mesh(importer, plugin, look, tessellate.disk(SEGMENTS, DISK_RINGS), matrix, turn)
 
 
-def _sphere(importer: Importer, plugin: Plugin, look: Look) -> Shape:
-    matrix, center = importer.to_world(plugin), plugin.point("center", (0.0, 0.0, 0.0))
+def _sphere(importer: Importer, plugin: Plugin, look: Look) -> Single:
+    matrix, center = plugin.transform(), plugin.point("center", (0.0, 0.0, 0.0))
     radius = plugin.positive("radius", default=1.0)
-    inside_out = plugin.boolean("flip_normals", default=False) != mirrored(plugin.transform())  # an instance keeps the front
+    inside_out = plugin.boolean("flip_normals", default=False) != mirrored(plugin.transform())
     local = np.eye(4)
     local[:3, :3] *= radius
     local[:3, 3] = center
@@ -203,8 +203,8 @@ def _sphere(importer: Importer, plugin: Plugin, look: Look) -> Shape:
     return _mesh(importer, plugin, look, tessellate.sphere(SEGMENTS, RINGS), matrix, inside_out)
 
 
-def _cylinder(importer: Importer, plugin: Plugin, look: Look) -> Shape:
-    matrix, radius = importer.to_world(plugin), plugin.positive("radius", default=1.0)
+def _cylinder(importer: Importer, plugin: Plugin, look: Look) -> Single:
+    matrix, radius = plugin.transform(), plugin.positive("radius", default=1.0)
     ends = [np.array(plugin.point(name, default)) for name, default in (("p0", (0.0, 0.0, 0.0)), ("p1", (0.0, 0.0, 1.0)))]
     length = float(np.linalg.norm(ends[1] - ends[0]))
     if length == 0.0:
@@ -238,11 +238,6 @@ def _from_file(importer: Importer, plugin: Plugin, look: Look) -> Mesh:
     vertices, faces, normals, uvs, named, exchanged = importer.built[key]
     for name in sorted(look.attributes - named.keys()):
         raise plugin.refuse(f"material {look.name!r} shows the attribute {name!r}, which the file does not have")
-    if importer.outer is not None:
-        vertices = placed(importer.outer, vertices)
-        normals = None if normals is None else transformed_normals(importer.outer, normals)
-        faces = _swapped(faces, np.full(len(faces), mirrored(importer.outer)))
-        importer.check_finite(plugin, vertices)
     if uvs is None and look.looks_at_uv:
         importer.notes.add(f"a textured mesh without texture coordinates: each triangle shows {PART}", plugin.element)
     return finished(importer, plugin, look, vertices, faces, normals, uvs, exchanged, named)
@@ -298,7 +293,7 @@ def _round_material(importer: Importer, look: Look, inside_out: bool) -> int:
     return importer.material(seen, look.radiance, look.name)
 
 
-SHAPES: dict[str, Callable[[Importer, Plugin, Look], Shape]] = {
+SHAPES: dict[str, Callable[[Importer, Plugin, Look], Single]] = {
     "rectangle": _flat,
     "cube": _flat,
     "disk": _of_disk,
