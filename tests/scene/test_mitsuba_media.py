@@ -50,6 +50,14 @@ def test_homogeneous_media_are_read(tmp_path, body, sigma_t, albedo, g):
     assert media(tmp_path, homogeneous(body)) == HomogeneousMedium("m", sigma_t, albedo, g)
 
 
+@pytest.mark.parametrize("kind", ["homogeneous", "heterogeneous"])
+def test_media_of_constant_volumes_are_homogeneous_of_either_kind(tmp_path, kind):
+    volume = '<volume type="constvolume" name="{}"><rgb name="value" value="{}"/></volume>'
+    body = volume.format("sigma_t", "1,2,3") + volume.format("albedo", "0.1,0.2,0.3")
+    found = media(tmp_path, f'<medium type="{kind}" name="interior" id="m"><float name="scale" value="2"/>{body}</medium>')
+    assert found == HomogeneousMedium("m", (2.0, 4.0, 6.0), (0.1, 0.2, 0.3))
+
+
 def test_the_coefficients_of_older_files_are_scattering_and_absorption(tmp_path):
     body = '<rgb name="sigmaS" value="1,0,3"/><rgb name="sigmaA" value="1,0,1"/><float name="scale" value="2"/>'
     assert media(tmp_path, homogeneous(body), "0.6.0") == HomogeneousMedium("m", (4.0, 0.0, 8.0), (0.5, 0.0, 0.75))
@@ -84,7 +92,7 @@ def test_a_medium_without_a_bsdf_has_a_clear_boundary_in_older_files(tmp_path):
 
 def test_several_shapes_share_a_medium_and_unused_ones_are_left_aside(tmp_path):
     shapes = [f'<shape type="sphere"><ref name="{side}" id="fog"/></shape>' for side in ("interior", "exterior")]
-    found = scene(tmp_path, FOG + '<medium type="heterogeneous" id="smoke"/>' + "".join(shapes) + LAMP)
+    found = scene(tmp_path, FOG + '<medium type="cloud" id="smoke"/>' + "".join(shapes) + LAMP)
     assert [medium.name for medium in found.media] == ["fog"]
     assert [(shape.interior, shape.exterior) for shape in found.shapes] == [(0, None), (None, 0)]
 
@@ -97,14 +105,14 @@ def test_a_medium_of_another_name_is_not_used(tmp_path):
 
 
 REFUSED = {
-    "heterogeneous": ('<medium type="heterogeneous" name="interior"/>', ["heterogeneous", "not homogeneous"]),
+    "kind": ('<medium type="cloud" name="interior"/>', ["cloud", "unknown medium", "homogeneous"]),
     "negative": (homogeneous('<rgb name="sigma_t" value="1,-1,1"/>'), ["negative"]),
     "negative scale": (homogeneous('<float name="scale" value="-1"/>'), ["scale", "at least 0"]),
     "albedo": (homogeneous('<rgb name="albedo" value="1,1.5,1"/>'), ["albedo", "[0, 1]"]),
     "phase": (homogeneous('<phase type="rayleigh"/>'), ["rayleigh", "isotropic or hg"]),
     "two phases": (homogeneous('<phase type="hg"/><phase type="isotropic"/>'), ["second phase"]),
     "g": (homogeneous('<phase type="hg"><float name="g" value="1"/></phase>'), ["between -1 and 1"]),
-    "volume": (homogeneous('<volume type="gridvolume" name="albedo"/>'), ["gridvolume", "not constant"]),
+    "volume": (homogeneous('<volume type="gridvolume" name="albedo"/>'), ["gridvolume", "vary in space"]),
     "preset": (homogeneous('<string name="material" value="skin1"/>'), ["skin1", "presets"]),
     "grey alone": (
         homogeneous('<rgb name="sigma_t" value="1,0.5,1"/><boolean name="has_spectral_extinction" value="false"/>'),

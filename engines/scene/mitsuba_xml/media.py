@@ -1,4 +1,4 @@
-"""Media: those of shapes and sensors. Homogeneous ones are read; others are refused where something is in them."""
+"""Media: those of shapes and sensors, the same everywhere. Others are refused where something is in them."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from engines.errors import suggestion
 from engines.scene.media import SIDES, HomogeneousMedium
 from engines.scene.mitsuba_xml.colors import INDEX, REFLECTANCE, color
 from engines.scene.mitsuba_xml.context import Importer
@@ -14,6 +15,8 @@ from engines.scene.mitsuba_xml.properties import Plugin, element_of, name_of
 from engines.scene.mitsuba_xml.transforms import LARGEST_NUMBER
 from engines.scene.triple import Triple, product, triple
 
+KINDS = ("homogeneous", "heterogeneous")
+"""Of media. One of constant volumes is homogeneous, whatever its kind."""
 DEFAULT_SIGMA_T, DEFAULT_ALBEDO, DEFAULT_G = 1.0, 0.75, 0.8
 
 
@@ -53,8 +56,8 @@ def medium(importer: Importer, plugin: Plugin) -> int:
     """The place of a medium among those of the scene. Raises `SceneError`."""
     key = (id(plugin), "medium")
     if key not in importer.built:
-        if plugin.type != "homogeneous":
-            raise plugin.refuse("media that are not homogeneous are not supported")
+        if plugin.type not in KINDS:
+            raise plugin.refuse(f"unknown medium: {suggestion(plugin.type, KINDS)}")
         importer.media.append(_homogeneous(importer, plugin))
         importer.built[key] = len(importer.media) - 1
     return importer.built[key]
@@ -95,7 +98,7 @@ def _coefficient(importer: Importer, plugin: Plugin, name: str, default: float, 
     nested = importer.named(plugin, name)
     if nested is not None:
         if nested.type != "constvolume":
-            raise nested.refuse("volumes that are not constant are not supported")
+            raise nested.refuse("volumes that vary in space are not supported: give one colour, or leave the medium out")
         plugin, name, default = nested, "value", 1.0
     element = plugin.spectrum(name)
     if nested is not None:
