@@ -63,7 +63,7 @@ def test_pbrt_gets_media_on_the_sides_of_shapes_and_around_the_camera(tmp_path):
     scene = engines.scene_from(
         {
             "raybench_scene": 1,
-            "media": {"fog": {"sigma_t": [1, 2, 4], "albedo": [0.5, 0.25, 1], "g": -0.5}, "smoke": {"sigma_t": 3}},
+            "media": {"fog": {"sigma_t": [1, 2, 4], "albedo": [0.5, 0.25, 1], "g": -0.5}, "smoke": {"sigma_t": 3, "albedo": 1}},
             "camera": {"type": "perspective", "eye": [0, 0, 5], "target": [0, 0, 0], "medium": "fog"},
             "materials": {"clear": {"null": {}}, "grey": {"kd": 0.5}},
             "shapes": [

@@ -50,14 +50,6 @@ def test_homogeneous_media_are_read(tmp_path, body, sigma_t, albedo, g):
     assert media(tmp_path, homogeneous(body)) == HomogeneousMedium("m", sigma_t, albedo, g)
 
 
-@pytest.mark.parametrize("kind", ["homogeneous", "heterogeneous"])
-def test_media_of_constant_volumes_are_homogeneous_of_either_kind(tmp_path, kind):
-    volume = '<volume type="constvolume" name="{}"><rgb name="value" value="{}"/></volume>'
-    body = volume.format("sigma_t", "1,2,3") + volume.format("albedo", "0.1,0.2,0.3")
-    found = media(tmp_path, f'<medium type="{kind}" name="interior" id="m"><float name="scale" value="2"/>{body}</medium>')
-    assert found == HomogeneousMedium("m", (2.0, 4.0, 6.0), (0.1, 0.2, 0.3))
-
-
 def test_the_coefficients_of_older_files_are_scattering_and_absorption(tmp_path):
     body = '<rgb name="sigmaS" value="1,0,3"/><rgb name="sigmaA" value="1,0,1"/><float name="scale" value="2"/>'
     assert media(tmp_path, homogeneous(body), "0.6.0") == HomogeneousMedium("m", (4.0, 0.0, 8.0), (0.5, 0.0, 0.75))
@@ -92,7 +84,7 @@ def test_a_medium_without_a_bsdf_has_a_clear_boundary_in_older_files(tmp_path):
 
 def test_several_shapes_share_a_medium_and_unused_ones_are_left_aside(tmp_path):
     shapes = [f'<shape type="sphere"><ref name="{side}" id="fog"/></shape>' for side in ("interior", "exterior")]
-    found = scene(tmp_path, FOG + '<medium type="cloud" id="smoke"/>' + "".join(shapes) + LAMP)
+    found = scene(tmp_path, FOG + '<medium type="heterogeneous" id="smoke"/>' + "".join(shapes) + LAMP)
     assert [medium.name for medium in found.media] == ["fog"]
     assert [(shape.interior, shape.exterior) for shape in found.shapes] == [(0, None), (None, 0)]
 
@@ -105,7 +97,7 @@ def test_a_medium_of_another_name_is_not_used(tmp_path):
 
 
 REFUSED = {
-    "kind": ('<medium type="cloud" name="interior"/>', ["cloud", "unknown medium", "homogeneous"]),
+    "heterogeneous": ('<medium type="heterogeneous" name="interior"/>', ["heterogeneous", "use homogeneous"]),
     "negative": (homogeneous('<rgb name="sigma_t" value="1,-1,1"/>'), ["negative"]),
     "negative scale": (homogeneous('<float name="scale" value="-1"/>'), ["scale", "at least 0"]),
     "albedo": (homogeneous('<rgb name="albedo" value="1,1.5,1"/>'), ["albedo", "[0, 1]"]),
@@ -244,6 +236,16 @@ def test_a_mesh_that_winds_both_ways_has_no_sides(tmp_path):
             assert scene(tmp_path, body).shapes[0].exterior == 0
         else:
             assert "wind the same way" in refusal(tmp_path, body)
+
+
+@pytest.mark.parametrize("against", [1, 199])
+def test_of_a_mesh_that_winds_almost_one_way_the_media_are_on_the_sides_of_most_faces(tmp_path, against):
+    faces = ["f 2//1 1//1 3//1"] * against + ["f 1//1 2//1 3//1"] * (200 - against)
+    (tmp_path / "m.obj").write_text("\n".join(["v 0 0 0", "v 1 0 0", "v 0 1 0", "vn 0 0 1", *faces, ""]))
+    found = scene(tmp_path, f'<shape type="obj"><string name="filename" value="m.obj"/>{homogeneous("")}</shape>{LAMP}')
+    (mesh,) = found.shapes
+    assert (mesh.interior, mesh.exterior) == ((0, None) if against == 1 else (None, 0))
+    assert any("1 of 200 faces wind against the others" in warning for warning in found.warnings)
 
 
 def test_imported_media_are_in_the_content_hash_and_saved(tmp_path):

@@ -73,10 +73,10 @@ WRONG = {
         ),
         ["no.png", "no such file"],
     ),
-    "medium": (shape_with('<medium name="interior" type="cloud"/>'), ["medium", "homogeneous"]),
+    "medium": (shape_with('<medium name="interior" type="heterogeneous"/>'), ["media", "homogeneous"]),
     "medium by reference": (
-        '<medium id="fog" type="cloud"/>' + shape_with('<ref name="interior" id="fog"/>'),
-        ["unknown medium"],
+        '<medium id="fog" type="heterogeneous"/>' + shape_with('<ref name="interior" id="fog"/>'),
+        ["media"],
     ),
     "subsurface": (shape_with('<subsurface type="dipole"/>'), ["below the surface"]),
     "instance": ('<shape type="instance"/>', ["a shapegroup"]),
