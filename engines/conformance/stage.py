@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from engines.scene import Scene, load_scene, scene_from
-from engines.schema.yaml_file import yaml_text
 
 CAMERA: dict[str, Any] = {"eye": [0, 1, 5], "target": [0, 1, 0], "up": [0, 1, 0], "resolution": [24, 18]}
 PINHOLE: dict[str, Any] = {"type": "perspective", "fov": 40, "fov_axis": "y"}
@@ -53,7 +53,7 @@ def in_file(held: Scene, folder: Path) -> Scene:
         return held
     file = folder / f"{held.content_hash[:16]}.yaml"
     if not file.exists():
-        file.write_text(yaml_text(given), encoding="utf-8")
+        file.write_text(json.dumps(given), encoding="utf-8")  # which is YAML, too
     return load_scene(file)
 
 

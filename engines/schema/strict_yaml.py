@@ -138,7 +138,7 @@ class StrictComposer(Reader, Scanner, Parser, Composer, BaseResolver):
     def compose_mapping_node(self, anchor: Any) -> MappingNode:
         """A mapping without duplicate keys. Of `<<` earlier sources win, and its own keys before all."""
         node = super().compose_mapping_node(anchor)
-        children: dict[str, tuple[Node, Node]] = {}
+        children: dict[str, tuple[ScalarNode, Node]] = {}
         for key, child in node.value:
             first = children.setdefault(key.value, (key, child))[0]
             if first is not key:

@@ -39,7 +39,10 @@ media: {smoke: {sigma_t: [3, 4, 5], albedo: 0.9, g: 0.4}}
 textures: {tiles: {image: tiles.png, scale: 2, offset: [0.25, 0.5]}}
 materials: {"1e-5": {diffuse: {reflectance: tiles}}, clear: {"null": {}}, grey: {kd: 0.5}}
 shapes:
-  - mesh: {vertices: [[-2, 0, -2], [2, 0, -2], [2, 0, 2], [-2, 0, 2]], faces: [[0, 2, 1], [0, 3, 2]], uvs: [[0, 0], [1, 0], [1, 1], [0, 1]]}
+  - mesh:
+      vertices: [[-2, 0, -2], [2, 0, -2], [2, 0, 2], [-2, 0, 2]]
+      faces: [[0, 2, 1], [0, 3, 2]]
+      uvs: [[0, 0], [1, 0], [1, 1], [0, 1]]
     material: "1e-5"
   - {mesh: {file: m.obj}, material: grey}
   - {sphere: {center: [0.5, 0.8, 1.2], radius: 0.5}, material: clear, interior: smoke}
@@ -198,5 +201,5 @@ def test_what_the_reader_has_approximated_is_said_whatever_is_written(output, fo
 
 
 def test_other_suffixes_are_refused(folder):
-    with pytest.raises(ConfigError, match="ends in .xml or .pbrt is expected, or a folder"):
+    with pytest.raises(ConfigError, match=r"ends in \.xml or \.pbrt is expected"):
         converted(folder, "m.obj", "out.txt")

@@ -167,7 +167,25 @@ def test_numbers_of_too_many_digits_are_refused_with_the_line(number):
 
 
 NUMBERS = st.integers(-(10**300), 10**300) | st.floats(allow_nan=False)
-WORDS = ["1e-5", "1E5", ".5", "5.", "0o17", "017", "1_000", "1:30", "yes", "null", "~", "", "<<", "=", "- a", "a: b", "2017-01-01"]
+WORDS = [
+    "1e-5",
+    "1E5",
+    ".5",
+    "5.",
+    "0o17",
+    "017",
+    "1_000",
+    "1:30",
+    "yes",
+    "null",
+    "~",
+    "",
+    "<<",
+    "=",
+    "- a",
+    "a: b",
+    "2017-1-1",
+]
 TEXTS = st.text() | st.sampled_from(WORDS) | st.from_regex(r"[-+0-9.eExo_:nfa~]{1,8}", fullmatch=True)
 DATA = st.recursive(
     st.none() | st.booleans() | NUMBERS | TEXTS,

@@ -39,7 +39,7 @@ def sides_of(importer: Importer, plugin: Plugin, exchanged: bool | NDArray[np.bo
         raise plugin.refuse("the faces of a mesh with media must all wind the same way around their normals")
     if share < 1.0:
         least = round(min(share, 1.0 - share) * np.size(exchanged))
-        said = f"{least} of {np.size(exchanged)} faces wind against the others: their media are on the same sides as those of these"
+        said = f"{least} of {np.size(exchanged)} faces wind against the others: their media are on the sides of those"
         importer.notes.add(said, plugin.element)
     if share < 0.5:
         return found
@@ -63,7 +63,9 @@ def medium(importer: Importer, plugin: Plugin) -> int:
     key = (id(plugin), "medium")
     if key not in importer.built:
         if plugin.type != "homogeneous":  # of constant volumes, too, a heterogeneous one ends at their box
-            raise plugin.refuse("media that are not homogeneous are not supported: use homogeneous, with one sigma_t and albedo")
+            raise plugin.refuse(
+                "media that are not homogeneous are not supported: use homogeneous, with one sigma_t and albedo"
+            )
         importer.media.append(_homogeneous(importer, plugin))
         importer.built[key] = len(importer.media) - 1
     return importer.built[key]
