@@ -62,11 +62,10 @@ def cases(ours):
 
 
 def check(case, column, sampler, spp):
-    """The film, if the mean of each channel is the column's, by the standard error of pixels."""
-    engine, scene = engines.engine(case.engine), case.scene.load(allow_imports=False)
+    """The film, if the mean of each channel is the column's by the standard error of pixels."""
+    scene, stated = case.scene.load(allow_imports=False), TABLE[case.scene.name][column]
     settings = Settings(shader=case.shader.describe(), sampler=sampler, seed=1, precision=case.precision)
-    stated = TABLE[case.scene.name][column]
-    film = engine.prepare(scene, settings).render(spp)
+    film = engines.engine(case.engine).prepare(scene, settings).render(spp)
     pixels = film.mean().reshape(-1, 3)
     error = pixels.std(axis=0, ddof=1) / math.sqrt(len(pixels))
     assert (error < 0.02 * stated).all(), f"standard errors {error} of {stated} find nothing"

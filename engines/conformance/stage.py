@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
-
-import yaml
 
 from engines.scene import Scene, load_scene, scene_from
 
@@ -54,7 +53,7 @@ def in_file(held: Scene, folder: Path) -> Scene:
         return held
     file = folder / f"{held.content_hash[:16]}.yaml"
     if not file.exists():
-        file.write_text(yaml.safe_dump(given), encoding="utf-8")
+        file.write_text(json.dumps(given), encoding="utf-8")  # which is YAML, too
     return load_scene(file)
 
 

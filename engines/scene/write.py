@@ -30,6 +30,7 @@ from engines.scene.support import foreign
 from engines.scene.textures import IDENTITY, Checkerboard, ImageTexture, MeshAttribute, Texture
 from engines.scene.triple import BLACK, WHITE, Triple
 from engines.schema.fields import unit
+from engines.schema.yaml_file import yaml_text
 
 __all__ = ["save_scene"]
 
@@ -37,7 +38,6 @@ FILE = "scene.yaml"
 MESHES, TEXTURES = "meshes", "textures"
 LONGEST = 60
 """Characters of a file's name."""
-WIDTH = 120
 MOST_SPHERES = 50_000
 """Spheres of a set, each of five values of the YAML file."""
 
@@ -53,16 +53,13 @@ def save_scene(scene: Scene, folder: str | PathLike[str]) -> Path:
     Raises `ConfigError` where the folder cannot be written, and for plugins and sets of more spheres than a YAML file
     can hold.
     """
-    import yaml
-
     root = Path(folder)
     if lacks := foreign(scene, KNOWN, "a scene file"):
         raise ConfigError(lacks)
     try:
         root.mkdir(parents=True, exist_ok=True)
         tree = _Writer(root).scene(scene)
-        text = yaml.safe_dump(tree, sort_keys=False, default_flow_style=None, allow_unicode=True, width=WIDTH)
-        (root / FILE).write_text(text, encoding="utf-8")
+        (root / FILE).write_text(yaml_text(tree), encoding="utf-8")
     except OSError as problem:
         raise ConfigError(f"{root}: cannot be written: {problem.strerror or problem}") from problem
     return root / FILE

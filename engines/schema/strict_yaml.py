@@ -1,4 +1,4 @@
-"""PyYAML's composer made strict: nodes with lines, plain scalars as in the core schema of YAML 1.2, and limits.
+"""PyYAML made strict: nodes with lines, plain scalars as in the core schema of YAML 1.2, and limits; and its inverse, `Writer`.
 
 It is a module of its own because it needs PyYAML, which only programs that read text load.
 """
@@ -10,9 +10,10 @@ from collections.abc import Iterator
 from typing import Any
 
 from yaml.composer import Composer
+from yaml.dumper import SafeDumper
 from yaml.error import Mark, MarkedYAMLError
 from yaml.events import AliasEvent, CollectionStartEvent, Event, ScalarEvent, SequenceStartEvent, StreamEndEvent
-from yaml.nodes import MappingNode, Node
+from yaml.nodes import MappingNode, Node, ScalarNode
 from yaml.parser import Parser
 from yaml.reader import Reader
 from yaml.resolver import BaseResolver
@@ -165,13 +166,13 @@ class StrictComposer(Reader, Scanner, Parser, Composer, BaseResolver):
     def compose_mapping_node(self, anchor: Any) -> MappingNode:
         """A mapping without duplicate keys. Of `<<` earlier sources win, and its own keys before all."""
         node = super().compose_mapping_node(anchor)
-        children: dict[str, tuple[Node, Node]] = {}
+        children: dict[str, tuple[ScalarNode, Node]] = {}
         for key, child in node.value:
             first = children.setdefault(key.value, (key, child))[0]
             if first is not key:
                 lines = f"first in line {line_of(first)}, again in line {line_of(key)}"
                 raise Refused(f"{key.value!r} is there twice: {lines}", key.start_mark)
-        if "<<" in children:
+        if "<<" in children and children["<<"][0].style is None:  # in quotes it is a key as others are
             key, merged = children.pop("<<")
             for source in merged.value if isinstance(merged.value, list) else [merged]:
                 if not isinstance(source.value, dict):
@@ -272,3 +273,37 @@ def plain_scalar(text: str) -> Any:
             raise ValueError
         return int(text, 0 if text[:2] in ("0x", "0o") else 10)
     return float(text) if _FLOAT.fullmatch(text) else text
+
+
+_TAGS = {type(None): "null", bool: "bool", int: "int", float: "float"}
+"""Last words of the tags of PyYAML, by the type of a plain scalar that is not text."""
+
+
+class Writer(SafeDumper):
+    """PyYAML's dumper made the inverse of the reader: text that it would read as something else stands in quotes. So does what
+    YAML 1.1 takes for something else, such as `yes`, for other readers.
+
+    What stands twice in the data is written twice, without aliases.
+    """
+
+    def resolve(self, kind: type[Node], value: Any, implicit: Any) -> str:
+        """The tag that a plain scalar has for the reader."""
+        if kind is ScalarNode and implicit[0]:
+            try:
+                found = type(plain_scalar(value))
+            except ValueError:  # too many digits
+                found = int
+            if found in _TAGS:
+                return f"tag:yaml.org,2002:{_TAGS[found]}"
+        return super().resolve(kind, value, implicit)
+
+    def ignore_aliases(self, data: Any) -> bool:
+        return True
+
+    def represent_str(self, data: str) -> ScalarNode:
+        """In double quotes where it has line breaks, which PyYAML would fold, and some of them lose."""
+        style = None if data.splitlines() in ([], [data]) else '"'
+        return self.represent_scalar("tag:yaml.org,2002:str", data, style)
+
+
+Writer.add_representer(str, Writer.represent_str)

@@ -8,6 +8,7 @@
     raise red.unknown_key("kdd", ["kd", "ks"])   # scenes/box.yaml:15 materials.red.kdd: unknown key: ... 'kd' ...
     root.plain()                                 # the same tree as ordinary dicts, lists and scalars
     root.at(("sweep", "engine", 0))              # the value at that path, or the last one on the way that exists
+    yaml_text(root.plain())                      # text that reads as the same tree
 
 `locate(data)` gives plain Python data the same shape (no lines; NumPy arrays stay leaves): one loader serves both.
 
@@ -34,6 +35,8 @@ if TYPE_CHECKING:
 
 MAX_BYTES = 16 * 2**20
 MAX_DEPTH = 64
+WIDTH = 120
+"""Characters of a line that is written, as far as it can be broken."""
 MAX_SHOWN = 80
 """Characters of a key or value in a message."""
 
@@ -142,6 +145,15 @@ def parse_yaml(text: str, name: str = "", error: type[RaybenchError] = SceneErro
     if root is None:
         raise error(f"{_where(origin, 1, ())}: empty: a mapping is expected")
     return _locate_node(root, origin, (), 0)
+
+
+def yaml_text(data: Any) -> str:
+    """Text that `parse_yaml` reads as the same data: mappings with keys of text, lists, tuples and scalars."""
+    import yaml
+
+    from engines.schema.strict_yaml import Writer
+
+    return yaml.dump(data, Dumper=Writer, sort_keys=False, default_flow_style=None, allow_unicode=True, width=WIDTH)
 
 
 def locate(data: Any, name: str = "", error: type[RaybenchError] = SceneError) -> Located:

@@ -30,7 +30,7 @@ def convert(
     allow_imports: AllowImports = False,
     allow_outside: AllowOutside = False,
 ) -> None:
-    """Convert a scene to Mitsuba's or pbrt's format, or one of Mitsuba's, or a mesh, to raybench's."""
+    """Convert a scene, of raybench's, Mitsuba's or glTF's format or a mesh, to raybench's, Mitsuba's or pbrt's."""
     from engines.errors import ConfigError
     from engines.peers.export import export
     from harness.config import paths
@@ -54,25 +54,25 @@ def _write_scene(scene: str, output: Path, define: list[str] | None, allow_impor
     """Writes a raybench scene into a folder."""
     from engines.scene import save_scene
     from harness.config import paths
-    from harness.console import consoles
 
     file = paths.find("scenes", scene)
     targets = output / "scene.yaml", output / "meshes", output / "textures"
     held = _loaded(file, targets, allow_imports, allow_outside, define)
-    for warning in held.warnings:
-        consoles()[1].print(f"warning: {file}: {warning}", style="yellow", markup=False, soft_wrap=True)
     typer.echo(f"written: {save_scene(held, output)}")
 
 
 def _loaded(file: Path, targets: tuple[Path, ...], imports: bool, outside: bool, define: list[str] | None) -> Any:
-    """The scene. Refuses to write over what it reads."""
+    """The scene, whose warnings are printed. Refuses to write over what it reads."""
     from engines.input_files import files_opened
     from engines.scene import load_scene
+    from harness.console import consoles
 
     _keep([file], targets)
     with files_opened() as opened:
         held = load_scene(file, imports, outside, parameters_of(define))
     _keep(opened, targets)
+    for warning in held.warnings:
+        consoles()[1].print(f"warning: {file}: {warning}", style="yellow", markup=False, soft_wrap=True)
     return held
 
 

@@ -316,11 +316,9 @@ def _sampler(engine: Engine, scene: Scene, precision: str, allowed: tuple[bool, 
 
 def _save(file: Path, written: dict[str, Any]) -> None:
     """Writes the experiment, with the command that it stands for."""
-    import yaml
-
+    from engines.schema.yaml_file import yaml_text
     from harness.cli.outputs import check_file
     from harness.store import atomic
 
     check_file(file, (".yaml", ".yml"), "--save")
-    text = yaml.safe_dump(written, sort_keys=False, default_flow_style=None, width=120)
-    atomic.write_text(file, f"# {shlex.join(['raybench', *sys.argv[1:]])}\n{text}")
+    atomic.write_text(file, f"# {shlex.join(['raybench', *sys.argv[1:]])}\n{yaml_text(written)}")

@@ -11,12 +11,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import yaml
-
 from engines.errors import ConfigError, RaybenchError
 from engines.input_files import files_opened
 from engines.registry import is_file
 from engines.scene import load_scene
+from engines.schema.yaml_file import yaml_text
 from harness.config import paths
 from harness.store import atomic
 from harness.store.records import Manifest
@@ -55,7 +54,7 @@ def write_supplement(results: Results, manifest: Manifest, out: Path, published:
     `manifest` is that of the archive. Returns sentences on what the archive lacks.
     """
     config, missing = _experiment(results, manifest, out, published.scenes)
-    atomic.write_text(out / EXPERIMENT, _yaml(config))
+    atomic.write_text(out / EXPERIMENT, yaml_text(config))
     if published.authors or published.licence or not (out / CITATION).exists():
         atomic.write_text(out / CITATION, citation(results, manifest, published))
     atomic.write_text(out / README, readme(results, manifest, missing, published))
@@ -127,10 +126,6 @@ def _copied_scene(results: Results, given: str, parameters: Mapping[str, Any], o
     return place / source.name
 
 
-def _yaml(data: Any) -> str:
-    return yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=120)
-
-
 def citation(results: Results, manifest: Manifest, published: Published) -> str:
     """Citation metadata in the Citation File Format 1.2.0; without authors it names none, as reviewers may not see any."""
     machine = manifest.machine
@@ -149,7 +144,7 @@ def citation(results: Results, manifest: Manifest, published: Published) -> str:
         "keywords": ["rendering", "benchmark", *results.scenes],
         "references": [software],
     }
-    return _yaml(found)
+    return yaml_text(found)
 
 
 def _person(name: str) -> dict[str, str]:

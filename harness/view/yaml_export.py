@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from engines.scene import Camera, CustomCamera, Orthographic
-from engines.schema.yaml_file import read_yaml
+from engines.schema.yaml_file import read_yaml, yaml_text
 from harness.view.projection import Vector
 
 DIGITS = 9
@@ -43,7 +42,7 @@ def scene_yaml(source: Path, camera: Camera, offsets: Mapping[str, Vector]) -> s
         items = scene["shapes" if kind == "shape" else "lights"]
         items[int(index)] = _moved(items[int(index)], offset)
     note = f"# {source.name}, from raybench view; paths are relative to the folder of that file.\n"
-    return note + yaml.safe_dump(scene, sort_keys=False, default_flow_style=None, width=120, allow_unicode=True)
+    return note + yaml_text(scene)
 
 
 def _moved(item: Mapping[str, Any], offset: Vector) -> dict[str, Any]:

@@ -1,7 +1,6 @@
 """Exported scenes: Mitsuba renders its file to our image; pbrt's is held to its grammar and its numbers."""
 
 import re
-import shlex
 from dataclasses import replace
 
 import numpy as np
@@ -9,8 +8,12 @@ import pytest
 
 import engines
 from engines import Settings, Unsupported
+from engines.image import read_image
+from engines.numpy_reference import textures
 from engines.peers.export import export
+from engines.scene.formats.ply import parse_ply
 from harness.config import paths
+from tests.export import pbrt_file
 from tests.harness.sweeping import raybench
 from tests.image_tests import image_tests
 from tests.mitsuba.peer import mi
@@ -47,33 +50,94 @@ def test_mitsuba_renders_the_exported_file_to_our_image(name, tmp_path):
     assert found.detectable < 0.1
 
 
-def _directives(text):
-    """(word, arguments) of every directive of a pbrt file, a directive a line."""
-    for line in text.splitlines():
-        words = shlex.split(line.replace("[", " [ ").replace("]", " ] "))
-        yield words[0], words[1:]
-
-
 def test_a_pbrt_file_is_complete_and_every_name_in_it_is_made(tmp_path):
     file = export(_scene("two_spheres"), "pbrt", tmp_path)
     assert file.name == "two_spheres.pbrt"
-    text = file.read_text()
-    found = list(_directives(text))
-    kinds = [word for word, _ in found]
-    head = kinds[: kinds.index("WorldBegin")]
+    words = [word for word, _ in pbrt_file.directives(pbrt_file.check(file))]
+    head = words[: words.index("WorldBegin")]
     assert head == ["Scale", "LookAt", "Camera", "Film", "PixelFilter", "Sampler", "Integrator"]
-    assert kinds.count("AttributeBegin") == kinds.count("AttributeEnd") == len(_scene("two_spheres").shapes)
-    made = {arguments[0] for word, arguments in found if word == "MakeNamedMaterial"}
-    assert {arguments[0] for word, arguments in found if word == "NamedMaterial"} <= made
-    for mesh in re.findall(r'"plymesh" "string filename" \[ "(.+?)" \]', text):
-        assert (file.parent / mesh).read_bytes().startswith(b"ply\n")
-    parameters = re.findall(r'"(\w+) \w+" \[ (.+?) \]', text)
-    assert {kind for kind, _ in parameters} <= {"float", "integer", "string", "rgb", "point3", "bool"}
-    for kind, values in parameters:
-        if kind in ("float", "rgb", "point3"):
-            assert np.isfinite([float(value) for value in values.split()]).all()
-        if kind in ("rgb", "point3"):
-            assert len(values.split()) % 3 == 0
+    assert words.count("Shape") == len(_scene("two_spheres").shapes)
+
+
+def test_pbrt_gets_media_on_the_sides_of_shapes_and_around_the_camera(tmp_path):
+    scene = engines.scene_from(
+        {
+            "raybench_scene": 1,
+            "media": {"fog": {"sigma_t": [1, 2, 4], "albedo": [0.5, 0.25, 1], "g": -0.5}, "smoke": {"sigma_t": 3, "albedo": 1}},
+            "camera": {"type": "perspective", "eye": [0, 0, 5], "target": [0, 0, 0], "medium": "fog"},
+            "materials": {"clear": {"null": {}}, "grey": {"kd": 0.5}},
+            "shapes": [
+                {"sphere": {"center": [0, 0, 0], "radius": 1}, "material": "clear", "interior": "smoke", "exterior": "fog"},
+                {"triangle": {"a": [-9, -2, -9], "b": [0, -2, 9], "c": [9, -2, -9]}, "material": "grey"},
+            ],
+            "lights": [{"environment": {"radiance": 1}}],
+        }
+    )
+    text = pbrt_file.check(export(scene, "pbrt", tmp_path / "a.pbrt"))
+    assert [line.strip() for line in text.splitlines() if "Medium" in line] == [
+        'MakeNamedMedium "medium_0" "string type" [ "homogeneous" ] "rgb sigma_a" [ 0.5 1.5 0.0 ] '
+        '"rgb sigma_s" [ 0.5 0.5 4.0 ] "float g" [ -0.5 ]',
+        'MakeNamedMedium "medium_1" "string type" [ "homogeneous" ] "rgb sigma_a" [ 0.0 0.0 0.0 ] '
+        '"rgb sigma_s" [ 3.0 3.0 3.0 ] "float g" [ 0.0 ]',
+        'MediumInterface "" "medium_0"',
+        'MediumInterface "" ""',
+        'MediumInterface "medium_1" "medium_0"',
+    ]
+    words = [word for word, _ in pbrt_file.directives(text)]
+    assert words.index("MediumInterface") < words.index("Camera"), "the camera's outside is what stands before it"
+    assert words[words.index("WorldBegin") + 1] == "MediumInterface"
+    assert 'Integrator "volpath"' in text
+    assert 'MakeNamedMaterial "material_0" "string type" [ "interface" ]' in text.splitlines()
+
+
+@pytest.mark.parametrize("how", [{"wrap": "repeat"}, {"wrap": "clamp", "filter": "nearest"}])
+@pytest.mark.parametrize("shape", ["mesh", "mesh without coordinates", "triangle"])
+def test_pbrt_finds_the_texels_that_we_find(how, shape, tmp_path):
+    """pbrt's rule, by its source: (s, t) = (uscale u + udelta, vscale v + vdelta), and 1 - t goes down the image."""
+    texels = np.random.default_rng(3).random((5, 7, 3)).astype(np.float32)
+    corners = {"vertices": [[0, 0, 0], [1, 0, 0], [0, 1, 0]], "faces": [[0, 1, 2]]}
+    uvs = np.array([[0.1, 0.2], [0.9, 0.3], [0.4, 0.8]]) if shape == "mesh" else np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    mesh = {"mesh": corners | ({"uvs": uvs.tolist()} if shape == "mesh" else {})}
+    flat = {"triangle": dict(zip("abc", corners["vertices"], strict=True))}
+    scene = engines.scene_from(
+        {
+            "raybench_scene": 1,
+            "camera": {"type": "perspective", "eye": [0, 0, 5], "target": [0, 0, 0]},
+            "textures": {"t": {"image": texels, "color_space": "raw", "scale": [2, 3], "offset": [0.3, -0.4], **how}},
+            "materials": {"m": {"diffuse": {"reflectance": "t"}}},
+            "shapes": [{**(flat if shape == "triangle" else mesh), "material": "m"}],
+        }
+    )
+    file = export(scene, "pbrt", tmp_path / "a.pbrt")
+    lines = pbrt_file.check(file).splitlines()
+    said = next(pbrt_file.parameters(line) for line in lines if line.startswith("Texture"))
+    body = next(pbrt_file.parameters(line) for line in lines if "Shape" in line)
+    if shape == "triangle":
+        given = np.array(body["point2 uv"], float).reshape(3, 2)
+    else:
+        given = parse_ply((tmp_path / body["string filename"][0]).read_bytes()).uvs
+    assert given == pytest.approx(uvs, abs=1e-6)
+    weights = np.random.default_rng(4).dirichlet([1, 1, 1], 50)
+    u_scale, u_delta, v_scale, v_delta = (float(said[f"float {name}"][0]) for name in ("uscale", "udelta", "vscale", "vdelta"))
+    place = weights @ given * [u_scale, v_scale] + [u_delta, v_delta]
+    image = read_image(tmp_path / said["string filename"][0])
+    rows, columns = image.shape[:2]
+    x, y = place[:, 0] * columns - 0.5, (1 - place[:, 1]) * rows - 0.5
+
+    def texel(i, j):
+        if said["string wrap"] == ["repeat"]:
+            return image[j % rows, i % columns]
+        return image[j.clip(0, rows - 1), i.clip(0, columns - 1)]
+
+    if said["string filter"] == ["point"]:
+        found = texel(np.round(x).astype(int), np.round(y).astype(int))
+    else:
+        i, j = np.floor(x).astype(int), np.floor(y).astype(int)
+        right, down = (x - i)[:, None], (y - j)[:, None]
+        found = (1 - down) * ((1 - right) * texel(i, j) + right * texel(i + 1, j))
+        found += down * ((1 - right) * texel(i, j + 1) + right * texel(i + 1, j + 1))
+    texture = scene.materials[0].bsdf.reflectance
+    assert found == pytest.approx(textures.color(texture, (weights @ uvs).T).T, abs=1e-4)
 
 
 def test_pbrt_measures_the_angle_along_the_shorter_side(tmp_path):

@@ -97,14 +97,14 @@ def test_a_medium_of_another_name_is_not_used(tmp_path):
 
 
 REFUSED = {
-    "heterogeneous": ('<medium type="heterogeneous" name="interior"/>', ["heterogeneous", "not homogeneous"]),
+    "heterogeneous": ('<medium type="heterogeneous" name="interior"/>', ["heterogeneous", "use homogeneous"]),
     "negative": (homogeneous('<rgb name="sigma_t" value="1,-1,1"/>'), ["negative"]),
     "negative scale": (homogeneous('<float name="scale" value="-1"/>'), ["scale", "at least 0"]),
     "albedo": (homogeneous('<rgb name="albedo" value="1,1.5,1"/>'), ["albedo", "[0, 1]"]),
     "phase": (homogeneous('<phase type="rayleigh"/>'), ["rayleigh", "isotropic or hg"]),
     "two phases": (homogeneous('<phase type="hg"/><phase type="isotropic"/>'), ["second phase"]),
     "g": (homogeneous('<phase type="hg"><float name="g" value="1"/></phase>'), ["between -1 and 1"]),
-    "volume": (homogeneous('<volume type="gridvolume" name="albedo"/>'), ["gridvolume", "not constant"]),
+    "volume": (homogeneous('<volume type="gridvolume" name="albedo"/>'), ["gridvolume", "vary in space"]),
     "preset": (homogeneous('<string name="material" value="skin1"/>'), ["skin1", "presets"]),
     "grey alone": (
         homogeneous('<rgb name="sigma_t" value="1,0.5,1"/><boolean name="has_spectral_extinction" value="false"/>'),
@@ -236,6 +236,16 @@ def test_a_mesh_that_winds_both_ways_has_no_sides(tmp_path):
             assert scene(tmp_path, body).shapes[0].exterior == 0
         else:
             assert "wind the same way" in refusal(tmp_path, body)
+
+
+@pytest.mark.parametrize("against", [1, 199])
+def test_of_a_mesh_that_winds_almost_one_way_the_media_are_on_the_sides_of_most_faces(tmp_path, against):
+    faces = ["f 2//1 1//1 3//1"] * against + ["f 1//1 2//1 3//1"] * (200 - against)
+    (tmp_path / "m.obj").write_text("\n".join(["v 0 0 0", "v 1 0 0", "v 0 1 0", "vn 0 0 1", *faces, ""]))
+    found = scene(tmp_path, f'<shape type="obj"><string name="filename" value="m.obj"/>{homogeneous("")}</shape>{LAMP}')
+    (mesh,) = found.shapes
+    assert (mesh.interior, mesh.exterior) == ((0, None) if against == 1 else (None, 0))
+    assert any("1 of 200 faces wind against the others" in warning for warning in found.warnings)
 
 
 def test_imported_media_are_in_the_content_hash_and_saved(tmp_path):

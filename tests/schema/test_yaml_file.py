@@ -6,10 +6,12 @@ import math
 import time
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from engines.errors import ConfigError, SceneError
 from engines.schema import strict_yaml, yaml_file
-from engines.schema.yaml_file import locate, parse_yaml, read_yaml
+from engines.schema.yaml_file import locate, parse_yaml, read_yaml, yaml_text
 
 
 @pytest.mark.parametrize(
@@ -162,3 +164,48 @@ def test_numbers_of_too_many_digits_are_refused_with_the_line(number):
     with pytest.raises(SceneError, match=r"a\.yaml:2: a number with too many digits"):
         parse_yaml(f"a: 1\nb: {number}\n", "a.yaml")
     assert parse_yaml(f"a: {'9' * 400}").plain() == {"a": int("9" * 400)}
+
+
+NUMBERS = st.integers(-(10**300), 10**300) | st.floats(allow_nan=False)
+WORDS = [
+    "1e-5",
+    "1E5",
+    ".5",
+    "5.",
+    "0o17",
+    "017",
+    "1_000",
+    "1:30",
+    "yes",
+    "null",
+    "~",
+    "",
+    "<<",
+    "=",
+    "- a",
+    "a: b",
+    "2017-1-1",
+]
+TEXTS = st.text() | st.sampled_from(WORDS) | st.from_regex(r"[-+0-9.eExo_:nfa~]{1,8}", fullmatch=True)
+DATA = st.recursive(
+    st.none() | st.booleans() | NUMBERS | TEXTS,
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(TEXTS, inner, max_size=4),
+    max_leaves=12,
+)
+
+
+@given(st.dictionaries(TEXTS, DATA, max_size=4))
+def test_what_is_written_reads_as_the_same_data(data):
+    text = yaml_text(data)
+    assert repr(parse_yaml(text).plain()) == repr(data), text
+
+
+def test_data_that_stands_in_several_places_is_written_in_each():
+    shared = {"a": [1, 2]}
+    text = yaml_text({"list": [shared] * 1001, "not a number": math.nan})
+    assert "&" not in text
+    assert parse_yaml(text).plain()["list"] == [shared] * 1001
+
+
+def test_text_that_other_readers_take_for_something_else_is_in_quotes():
+    assert yaml_text({"a": "yes", "b": "1e-5", "c": 1e-5}) == "{a: 'yes', b: '1e-5', c: 1.0e-05}\n"

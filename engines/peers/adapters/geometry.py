@@ -121,11 +121,12 @@ def _pieces(scene: Scene, gap: float | None) -> Iterator[Piece]:
         with_area = replace(mesh, faces=mesh.faces[area], materials=mesh.materials[area], attributes=attributes)
         for piece in pieces(with_area):
             material = scene.materials[piece.material]
-            placed = _with_uvs(piece) if material.uses_uvs else piece._replace(uvs=None)
+            placed = with_uvs(piece) if material.uses_uvs else piece._replace(uvs=None)
             yield from two_sides(placed, gap) if gap is not None and material.emits and material.two_sided else (placed,)
 
 
-def _with_uvs(piece: Piece) -> Piece:
+def with_uvs(piece: Piece) -> Piece:
+    """The faces with texture coordinates: their own, or those of faces without any."""
     return piece if piece.uvs is not None else unshared(piece)._replace(uvs=np.tile(OWN_UVS, (len(piece.faces), 1)))
 
 

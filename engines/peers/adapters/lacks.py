@@ -3,7 +3,19 @@
 from __future__ import annotations
 
 from engines.peers.adapters.colors import largest, least
-from engines.scene import Bump, EnvironmentLight, Instance, Mesh, Mixture, NormalMap, PointLight, Scene, Triangle
+from engines.scene import (
+    BLACK,
+    Bump,
+    Diffuse,
+    EnvironmentLight,
+    Instance,
+    Mesh,
+    Mixture,
+    NormalMap,
+    PointLight,
+    Scene,
+    Triangle,
+)
 from engines.scene.bsdf import Bsdf
 from engines.scene.bsdf_tree import is_textured, own_textures
 
@@ -30,6 +42,11 @@ def textures_lack(scene: Scene) -> str | None:
         if is_textured((material := scene.materials[shape.material]).as_bsdf):
             return f"material {material.name!r}: textures are translated on meshes, not on a {type(shape).__name__}"
     return None
+
+
+def is_diffuse(bsdf: Bsdf) -> bool:
+    """Whether a BSDF is nothing but diffuse."""
+    return isinstance(bsdf, Diffuse) or (isinstance(bsdf, Mixture) and (bsdf.ks, bsdf.kt) == (BLACK, BLACK))
 
 
 def mixture_lacks(part: Mixture) -> str | None:

@@ -1,8 +1,8 @@
 """A scene as a file for pbrt-v4 (Pharr, Jakob, Humphreys 2023), with its meshes beside it.
 
-What differs: planes are squares a thousand times as large as the scene, colours pass through pbrt's spectra, masking and
-shadowing of its rough conductors are correlated by height, and its path integrator has a roulette of its own. Depths
-count in segments here and in bounces there.
+What differs: planes are squares a thousand times as large as the scene, colours and coefficients of media pass
+through pbrt's spectra, textures are filtered, masking and shadowing of its rough conductors are correlated by height, and its
+integrators have a roulette of their own. Depths count in segments here and in bounces there.
 """
 
 from __future__ import annotations
@@ -18,22 +18,24 @@ import numpy as np
 import engines.scene as model
 from engines.errors import Unsupported
 from engines.peers.adapters.colors import largest, mirror_share
-from engines.peers.adapters.geometry import extent, pieces
-from engines.peers.adapters.lacks import point_lights_lack
+from engines.peers.adapters.geometry import OWN_UVS, extent, pieces, with_uvs
+from engines.peers.adapters.lacks import is_diffuse, point_lights_lack, textures_lack
 from engines.peers.adapters.tessellation import squares
 from engines.peers.export.files import Beside, numbers
 from engines.peers.mitsuba.bsdfs import material_lacks
 from engines.peers.mitsuba.cameras import CAMERAS, camera_lacks
 from engines.peers.mitsuba.lights import LIGHTS
 from engines.peers.mitsuba.shapes import SHAPES
+from engines.scene.bsdf_tree import textures
 from engines.scene.frames import facing
 from engines.scene.leaf_fields import is_rough
 from engines.scene.shapes import as_spheres
 from engines.scene.support import foreign
 
 PLANE_EXTENTS = 1e3
+_LEAVES = (model.Diffuse, model.Conductor, model.Dielectric, model.ThinDielectric, model.Null)
 KNOWN: frozenset[type] = frozenset(
-    {*CAMERAS, *SHAPES, *LIGHTS, model.Mixture, model.Diffuse, model.Conductor, model.Dielectric, model.ThinDielectric}
+    {*CAMERAS, *SHAPES, *LIGHTS, model.HomogeneousMedium, model.Mixture, *_LEAVES, model.ImageTexture}
 )
 """The types of scenes that are written."""
 
@@ -43,11 +45,11 @@ def write_pbrt(scene: model.Scene, path: Path, max_depth: int = 6, spp: int = 64
     if reason := _lacks(scene):
         raise Unsupported(reason)
     beside = Beside(path)
-    lines = [*_view(scene, max_depth, spp), "WorldBegin"]
+    lines = [*map(_medium, range(len(scene.media)), scene.media), *_view(scene, max_depth, spp)]
     for light in scene.lights:
         lines += _light(light)
     for index, material in enumerate(scene.materials):
-        lines += _material(f"material_{index}", material)
+        lines += _material(f"material_{index}", material, beside)
     for shape in scene.shapes:
         lines += _shape(scene, shape, beside)
     path.write_text("\n".join(lines) + "\n")
@@ -60,10 +62,10 @@ def _lacks(scene: model.Scene) -> str | None:
     if lacks := camera_lacks(scene.camera) or _view_lacks(scene.camera):
         return f"pbrt does not support {lacks}"
     for material in scene.materials:
-        if lacks := material_lacks(material) or _bsdf_lacks(material.as_bsdf):
+        if lacks := material_lacks(material) or _textures_lack(material) or _bsdf_lacks(material):
             return f"material {material.name!r}: pbrt does not support {lacks}"
     lights_lack = next(filter(None, map(_light_lacks, scene.lights)), None)
-    return lights_lack or point_lights_lack(scene, "pbrt")
+    return lights_lack or point_lights_lack(scene, "pbrt") or textures_lack(scene)
 
 
 def _view_lacks(camera: Any) -> str | None:
@@ -74,7 +76,7 @@ def _view_lacks(camera: Any) -> str | None:
 
 def _light_lacks(light: model.Light) -> str | None:
     if isinstance(light, model.SpotLight | model.ProjectorLight) and light.texture is not None:
-        return "textures of lights are not translated for pbrt"
+        return "pbrt's spot lights show no images, and its projectors do without filtering"
     if isinstance(light, model.EnvironmentLight) and light.image is not None:
         return "pbrt's images of the sky are octahedral, and ours is latitude-longitude"
     if isinstance(light, model.SpotLight) and light.beam_width < light.cutoff:
@@ -82,7 +84,22 @@ def _light_lacks(light: model.Light) -> str | None:
     return None
 
 
-def _bsdf_lacks(bsdf: model.Bsdf) -> str | None:
+def _textures_lack(material: model.Material) -> str | None:
+    if isinstance(material.emission, model.ImageTexture):
+        return "emission from textures"
+    for texture in textures(material.as_bsdf):
+        assert isinstance(texture, model.ImageTexture)
+        if not is_diffuse(material.as_bsdf):
+            return "textures on anything but a diffuse BSDF"
+        if texture.wrap == "mirror" or texture.to_uv[1] != 0.0 or texture.to_uv[3] != 0.0:
+            return "textures that are mirrored, or whose coordinates are turned"
+    return None
+
+
+def _bsdf_lacks(material: model.Material) -> str | None:
+    bsdf = material.as_bsdf
+    if isinstance(bsdf, model.Null) and material.emits:
+        return "clear surfaces that emit"
     if isinstance(bsdf, model.Conductor) and bsdf.reflectance != model.WHITE:
         return "a conductor whose reflectance is scaled"
     if isinstance(bsdf, (model.Conductor, model.Dielectric)) and is_rough(bsdf):
@@ -100,6 +117,8 @@ def _view(scene: model.Scene, max_depth: int, spp: int) -> Iterator[str]:
     camera = scene.camera
     assert isinstance(camera, (model.Perspective, model.Orthographic, model.ThinLens))
     width, height = camera.resolution
+    if camera.medium is not None:
+        yield _between(None, camera.medium)
     yield "Scale -1 1 1"  # pbrt's camera space is left-handed
     yield f"LookAt {numbers((*camera.eye, *camera.target, *camera.up))}"
     if isinstance(camera, (model.Perspective, model.ThinLens)):
@@ -112,7 +131,10 @@ def _view(scene: model.Scene, max_depth: int, spp: int) -> Iterator[str]:
     yield f'Film "rgb" "integer xresolution" [ {width} ] "integer yresolution" [ {height} ] "string filename" [ "{name}.exr" ]'
     yield 'PixelFilter "box" "float xradius" [ 0.5 ] "float yradius" [ 0.5 ]'
     yield f'Sampler "independent" "integer pixelsamples" [ {spp} ]'
-    yield f'Integrator "path" "integer maxdepth" [ {max_depth - 1} ]'
+    yield f'Integrator "{"volpath" if scene.media else "path"}" "integer maxdepth" [ {max_depth - 1} ]'
+    yield "WorldBegin"
+    if camera.medium is not None:
+        yield _between(None, None)  # else shapes that are no boundaries would be those of this medium
 
 
 def _lens(camera: model.Perspective | model.ThinLens) -> str:
@@ -142,7 +164,19 @@ def _light(light: model.Light) -> Iterator[str]:
         yield f'LightSource "infinite" {_rgb("L", light.radiance)}'
 
 
-def _material(name: str, material: model.Material) -> Iterator[str]:
+def _medium(index: int, medium: model.HomogeneousMedium) -> str:
+    scattered = np.multiply(medium.sigma_t, medium.albedo)
+    sigmas = f"{_rgb('sigma_a', medium.sigma_t - scattered)} {_rgb('sigma_s', scattered)}"
+    return f'MakeNamedMedium "medium_{index}" "string type" [ "homogeneous" ] {sigmas} "float g" [ {float(medium.g)!r} ]'
+
+
+def _between(interior: int | None, exterior: int | None) -> str:
+    """The media behind and before what follows."""
+    behind, before = ("" if index is None else f"medium_{index}" for index in (interior, exterior))
+    return f'MediumInterface "{behind}" "{before}"'
+
+
+def _material(name: str, material: model.Material, beside: Beside) -> Iterator[str]:
     bsdf = material.as_bsdf
     if isinstance(bsdf, model.Conductor):
         yield _named(name, "conductor", f"{_rgb('eta', bsdf.eta)} {_rgb('k', bsdf.k)} {_roughness(bsdf.alpha)}")
@@ -151,22 +185,42 @@ def _material(name: str, material: model.Material) -> Iterator[str]:
     elif isinstance(bsdf, model.ThinDielectric):
         yield _named(name, "thindielectric", f'"float eta" [ {bsdf.ior!r} ]')
     elif isinstance(bsdf, model.Diffuse):
-        yield _named(name, "diffuse", _rgb("reflectance", bsdf.reflectance))
+        yield from _diffuse(name, bsdf.reflectance, beside)
+    elif isinstance(bsdf, model.Null):
+        yield _named(name, "interface", "")
     else:
         assert isinstance(bsdf, model.Mixture)
-        yield from _mixture(name, bsdf)
+        yield from _mixture(name, bsdf, beside)
 
 
 def _roughness(alpha: Any) -> str:
     return f'"float roughness" [ {alpha[0]!r} ] "bool remaproughness" [ false ]'
 
 
-def _mixture(name: str, lobes: Any) -> Iterator[str]:
+def _diffuse(name: str, reflectance: Any, beside: Beside) -> Iterator[str]:
+    if isinstance(reflectance, model.ImageTexture):
+        yield _image(f"{name}_map", reflectance, beside)
+        yield _named(name, "diffuse", f'"texture reflectance" [ "{name}_map" ]')
+    else:
+        yield _named(name, "diffuse", _rgb("reflectance", reflectance))
+
+
+def _image(name: str, texture: model.ImageTexture, beside: Beside) -> str:
+    """An image of which pbrt turns v over: there the first row has the largest."""
+    file = beside.image(name, texture.pixels)["filename"]
+    how = f'"string filter" [ "{"bilinear" if texture.filter == "bilinear" else "point"}" ] "string wrap" [ "{texture.wrap}" ]'
+    u, _, across, _, v, down = texture.to_uv
+    placing = {"uscale": u, "udelta": across, "vscale": -v, "vdelta": 1.0 - down}
+    placed = " ".join(f'"float {key}" [ {float(value)!r} ]' for key, value in placing.items())
+    return f'Texture "{name}" "spectrum" "imagemap" "string filename" [ "{file}" ] {how} {placed}'
+
+
+def _mixture(name: str, lobes: Any, beside: Beside) -> Iterator[str]:
     share = mirror_share(lobes)
     if max(lobes.kt) > 0.0:
         yield _named(name, "dielectric", f'"float eta" [ {lobes.ior!r} ]')
     elif share == 0.0:
-        yield _named(name, "diffuse", _rgb("reflectance", lobes.kd))
+        yield from _diffuse(name, lobes.kd, beside)
     elif share == 1.0:
         yield _named(name, "conductor", _rgb("reflectance", lobes.ks))
     else:
@@ -176,7 +230,7 @@ def _mixture(name: str, lobes: Any) -> Iterator[str]:
 
 
 def _named(name: str, kind: str, parameters: str) -> str:
-    return f'MakeNamedMaterial "{name}" "string type" [ "{kind}" ] {parameters}'
+    return f'MakeNamedMaterial "{name}" "string type" [ "{kind}" ] {parameters}'.rstrip()
 
 
 def _shape(scene: model.Scene, shape: model.Shape, beside: Beside) -> Iterator[str]:
@@ -184,39 +238,44 @@ def _shape(scene: model.Scene, shape: model.Shape, beside: Beside) -> Iterator[s
         corners, faces = squares(shape, extent(scene) * PLANE_EXTENTS)
         indices = " ".join(map(str, faces.ravel()))
         body = f'Shape "trianglemesh" "point3 P" [ {numbers(corners.ravel())} ] "integer indices" [ {indices} ]'
-        yield from _dressed(scene, shape.material, [body])
+        yield from _dressed(scene, shape, shape.material, [body])
     elif isinstance(shape, model.Disk):
         columns = numbers(facing(shape.center, shape.normal, 1.0).T.ravel())
         body = [f"ConcatTransform [ {columns} ]", f'Shape "disk" "float radius" [ {shape.radius!r} ]']
-        yield from _dressed(scene, shape.material, body)
+        yield from _dressed(scene, shape, shape.material, body)
     elif isinstance(shape, model.Cylinder):
         axis = np.subtract(shape.p1, shape.p0)
         length = float(np.linalg.norm(axis))
         columns = numbers(facing(shape.p0, axis / length, 1.0).T.ravel())
         ends = f'"float zmin" [ 0 ] "float zmax" [ {length!r} ]'
         body = [f"ConcatTransform [ {columns} ]", f'Shape "cylinder" "float radius" [ {shape.radius!r} ] {ends}']
-        yield from _dressed(scene, shape.material, body)
+        yield from _dressed(scene, shape, shape.material, body)
     elif isinstance(shape, model.Triangle):
         corners = numbers((*shape.a, *shape.b, *shape.c))
-        body = f'Shape "trianglemesh" "point3 P" [ {corners} ] "integer indices" [ 0 1 2 ]'
-        yield from _dressed(scene, shape.material, [body])
+        uvs = numbers(OWN_UVS.ravel())
+        body = f'Shape "trianglemesh" "point3 P" [ {corners} ] "point2 uv" [ {uvs} ] "integer indices" [ 0 1 2 ]'
+        yield from _dressed(scene, shape, shape.material, [body])
     elif isinstance(shape, model.Mesh):
         for piece in pieces(shape):
-            file = beside.mesh(shape.name, piece.vertices, piece.faces, piece.normals)
-            yield from _dressed(scene, piece.material, [f'Shape "plymesh" "string filename" [ "{file}" ]'])
+            placed = with_uvs(piece) if scene.materials[piece.material].uses_uvs else piece._replace(uvs=None)
+            file = beside.mesh(shape.name, placed.vertices, placed.faces, placed.normals, placed.uvs)
+            yield from _dressed(scene, shape, piece.material, [f'Shape "plymesh" "string filename" [ "{file}" ]'])
     elif not isinstance(shape, model.Instance) and (spheres := as_spheres(shape)) is not None:
         for center, radius in zip(spheres.centers, spheres.radii, strict=True):
             body = [f"Translate {numbers(center)}", f'Shape "sphere" "float radius" [ {float(radius)!r} ]']
-            yield from _dressed(scene, shape.material, body)
+            yield from _dressed(scene, shape, shape.material, body)
 
 
-def _dressed(scene: model.Scene, index: int, body: list[str]) -> Iterator[str]:
+def _dressed(scene: model.Scene, shape: model.Shape, index: int, body: list[str]) -> Iterator[str]:
+    """A shape's `body` with the material `index`, light, and media."""
     material = scene.materials[index]
     yield "AttributeBegin"
     yield f'  NamedMaterial "material_{index}"'
     if material.emits:
         sides = "true" if material.two_sided else "false"
         yield f'  AreaLightSource "diffuse" {_rgb("L", material.mean_emission)} "bool twosided" [ {sides} ]'
+    if shape.is_boundary:
+        yield f"  {_between(shape.interior, shape.exterior)}"
     yield from (f"  {line}" for line in body)
     yield "AttributeEnd"
 

@@ -50,7 +50,7 @@ def pbrt_file(scene: Scene, settings: Settings, folder: Path) -> Path:
 
 
 def _exported(form: str, scene: Scene, settings: Settings, folder: Path) -> Path:
-    expected = "volumetric_path_tracer" if form == "mitsuba" and scene.media else "path_tracer"
+    expected = "volumetric_path_tracer" if scene.media else "path_tracer"
     if settings.shader.name != expected:
         raise Unsupported(f"this scene is exported to {form} with the shader {expected}, not with {settings.shader.name}")
     from engines.peers.export import export

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from engines.peers.adapters.colors import mirror_share
-from engines.peers.adapters.lacks import OUT_OF_RANGE, mixture_lacks, out_of_range
+from engines.peers.adapters.lacks import OUT_OF_RANGE, is_diffuse, mixture_lacks, out_of_range
 from engines.scene import BLACK, Bsdf, Conductor, Dielectric, Diffuse, ImageTexture, Material, Mixture
 from engines.scene.bsdf_tree import textures
 
@@ -20,8 +20,7 @@ def texture_of(material: Material) -> ImageTexture | None:
 
 def _texture_lacks(material: Material, texture: ImageTexture) -> str | None:
     bsdf = material.as_bsdf
-    alone = isinstance(bsdf, Diffuse) or (isinstance(bsdf, Mixture) and (bsdf.ks, bsdf.kt) == (BLACK, BLACK))
-    if not alone:
+    if not is_diffuse(bsdf):
         return "textures on anything but a diffuse BSDF"
     if (texture.filter, texture.wrap) != ("bilinear", "repeat"):
         return "textures other than bilinear, repeated ones"

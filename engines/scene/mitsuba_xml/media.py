@@ -14,6 +14,8 @@ from engines.scene.mitsuba_xml.properties import Plugin, element_of, name_of
 from engines.scene.mitsuba_xml.transforms import LARGEST_NUMBER
 from engines.scene.triple import Triple, product, triple
 
+MOST_AGAINST = 0.01
+"""Share of the faces of a mesh with media that may wind the other way around their normals than the others."""
 DEFAULT_SIGMA_T, DEFAULT_ALBEDO, DEFAULT_G = 1.0, 0.75, 0.8
 
 
@@ -32,8 +34,15 @@ def sides_of(importer: Importer, plugin: Plugin, exchanged: bool | NDArray[np.bo
             found[side] = medium(importer, made)
     if not found or not np.any(exchanged):
         return found
-    if not np.all(exchanged):
+    share = float(np.mean(exchanged))
+    if MOST_AGAINST < share < 1.0 - MOST_AGAINST:
         raise plugin.refuse("the faces of a mesh with media must all wind the same way around their normals")
+    if share < 1.0:
+        least = round(min(share, 1.0 - share) * np.size(exchanged))
+        said = f"{least} of {np.size(exchanged)} faces wind against the others: their media are on the sides of those"
+        importer.notes.add(said, plugin.element)
+    if share < 0.5:
+        return found
     opposite: dict[str, str] = dict(zip(SIDES, reversed(SIDES), strict=True))
     return {opposite[side]: index for side, index in found.items()}
 
@@ -53,8 +62,10 @@ def medium(importer: Importer, plugin: Plugin) -> int:
     """The place of a medium among those of the scene. Raises `SceneError`."""
     key = (id(plugin), "medium")
     if key not in importer.built:
-        if plugin.type != "homogeneous":
-            raise plugin.refuse("media that are not homogeneous are not supported")
+        if plugin.type != "homogeneous":  # of constant volumes, too, a heterogeneous one ends at their box
+            raise plugin.refuse(
+                "media that are not homogeneous are not supported: use homogeneous, with one sigma_t and albedo"
+            )
         importer.media.append(_homogeneous(importer, plugin))
         importer.built[key] = len(importer.media) - 1
     return importer.built[key]
@@ -95,7 +106,7 @@ def _coefficient(importer: Importer, plugin: Plugin, name: str, default: float, 
     nested = importer.named(plugin, name)
     if nested is not None:
         if nested.type != "constvolume":
-            raise nested.refuse("volumes that are not constant are not supported")
+            raise nested.refuse("volumes that vary in space are not supported: give one colour, or leave the medium out")
         plugin, name, default = nested, "value", 1.0
     element = plugin.spectrum(name)
     if nested is not None:
