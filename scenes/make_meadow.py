@@ -102,7 +102,7 @@ def poppies(random):
         shapes += [
             bent,
             procedural("plant", "poppy", **cup, segments=5, seed=flower, center=foot + tip, tilt=round(lean)),
-            f"{{sphere: {{center: {listed(foot + tip + [0, 0.008, 0])}, radius: 0.008}}, material: dark}}",
+            procedural("tessellated_sphere", "dark", subdivisions=1, center=foot + tip + [0, 0.008, 0], radius=0.008),
         ]
     return shapes
 
@@ -115,7 +115,7 @@ def daisies(random):
         shapes += [
             bent.replace("spans:", f"center: {listed(foot)}, spans:"),
             petals("white", 17, foot + tip, random.uniform(-0.5, 0.5), 0.006, 0.027, 0.0085, 0.003),
-            f"{{sphere: {{center: {listed(foot + tip)}, radius: 0.008}}, material: yellow}}",
+            procedural("tessellated_sphere", "yellow", subdivisions=1, center=foot + tip, radius=0.008),
         ]
     return shapes
 
