@@ -44,6 +44,7 @@ FURNISHED = {
     "study": 1024,
     "hall": 96,
     "classroom": 96,
+    "meadow": 24,
     "cafe": 1024,
     "workshop": 256,
     "cabinet": 256,

@@ -23,6 +23,7 @@ LONG = {"bathroom", "cabinet", "cafe", "classroom", "desk_lamp", "hall", "lanter
 """Furnished scenes, each with kernels of its own that take half a minute to compile; `workshop` is one in the slow tier."""
 WITHOUT_COUNTERPART = {
     "cornell_spheres": "refraction without Fresnel's equations",
+    "meadow": "the shape Instance",
     "mobilert_cornell": "camera PerspectiveArctan",
     "mobilert_cornell2": "camera PerspectiveArctan",
     "mobilert_spheres2": "camera PerspectiveArctan",
