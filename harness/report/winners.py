@@ -129,14 +129,18 @@ def _parts(of: Standing) -> Iterator[str]:
     if len(of.possible) == 1:
         ((verdict, best),) = of.possible
         value, bracket, interval = seconds_text(best).partition(" [")
-        yield f"{best.contestant} {'is first, after' if len(of.rows) > 1 else 'ran alone and took'} {value} s{bracket}{interval}"
+        said = "is first, after" if len(of.rows) > 1 else "ran alone and took"
+        yield f"{best.contestant} {said} {value} s{bracket}{interval}"
         ratio, other = of.ratio_of(best)
+        others = [row for row in of.ranked if row.reached and row is not best]
+        if others and (second := min(others, key=lambda row: row.seconds)).contestant != other:
+            yield f"{second.contestant} follows after {_value(second)} s"
         if ratio:
             yield f"{other} takes {ratio} times as long"
         if verdict.warnings:
             yield f"beware: {', '.join(verdict.warnings)}"
     elif of.possible:
-        names = [f"{row.contestant} ({seconds_text(row).partition(' [')[0]} s)" for _, row in of.possible]
+        names = [f"{row.contestant} ({_value(row)} s)" for _, row in of.possible]
         yield f"not separated ({len(names)}): {_some(names)}"
     else:
         yield of.nobody
@@ -150,6 +154,10 @@ def _parts(of: Standing) -> Iterator[str]:
     if of.reached and of.disqualified:
         names = [verdict.contestant.name for verdict in of.disqualified]
         yield f"flagged, so not ranked: {of.left_out[0] if len(names) == 1 else _some(names)}"
+
+
+def _value(row: Any) -> str:
+    return seconds_text(row).partition(" [")[0]
 
 
 def _some(names: Sequence[str]) -> str:

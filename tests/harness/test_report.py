@@ -14,13 +14,14 @@ import pytest
 from engines.errors import ConfigError
 from harness.analysis import analyse
 from harness.report import write_derived
-from harness.report.html.assembly import report_html
+from harness.report.html.assembly import MOST_WINNERS, report_html
 from harness.report.html.noise import noise_panels
 from harness.report.html.pictures import busiest, packed, shrunk
 from harness.report.plots.panels import panels
+from harness.report.sentences import MOST_LINES, sentences
 from harness.report.tables import all_tables
 from harness.report.tables.model import estimate_text
-from harness.report.winners import standing
+from harness.report.winners import standing, tally, winners
 from harness.store.results import load_results
 
 DERIVED = ("points.csv", "ttq.csv", "phases.csv", "report.html", "tables/time_to_quality.md", "tables/columns.md")
@@ -189,13 +190,27 @@ def test_a_cell_of_the_matrix_says_what_the_winners_say(page, folder):
     cells = re.findall(r"<td data-target=.*?</td>", matrix[: matrix.index("</table>")], re.S)
     assert len(cells) == len(lines) > 4
     for cell, line in zip(cells, lines, strict=True):
-        text = html.unescape(re.sub(r"<[^>]*>", "", cell))
-        who = line.split(": ", 1)[1].split(", ")[0]
-        if who.startswith("not separated"):
-            assert who.split(":")[0] in text and who.split(": ")[1] in text
+        text = " ".join(html.unescape(re.sub(r"<[^>]*>", "", cell)).split())
+        said = line.split(": ", 1)[1].split("; ")[0]
+        if first := re.fullmatch(r"(.*?)(?: is first, after| ran alone and took) (.*) s(.*)", said):
+            assert text.startswith(first[1]) and f"{first[2]}{first[3]} s" in text
+        elif said.startswith("not separated"):
+            several, names = said.split(": ", 1)
+            assert several in text and names.split(" (")[0] in text
         else:
-            assert (" ".join(text.split()).startswith(who) and re.search(r"[<>]? ?[\d.]+( \[.*?\])? s", text)) or who in text
+            assert said in text
         assert 'href="#quality-' in cell
+
+
+def test_the_page_begins_with_the_sentences_of_the_command_line(page, folder):
+    """Those on winners, counted where there are many, then ratios of settings; what has no ratio is folded."""
+    analysis = analyse(load_results(folder))
+    start = html.unescape(page[page.index('<h2 class="question">') : page.index('<table class="matrix">')])
+    shown, _, hidden = start.partition("<details")
+    first, settings = winners(analysis), sentences(analysis)
+    assert len(first) > MOST_WINNERS and tally(first) in shown and all(each.text in hidden for each in first)
+    assert all(each.text in shown for each in [each for each in settings if each.known][:MOST_LINES])
+    assert all(each.text in hidden for each in settings if not each.known)
 
 
 def unpacked(data, shape):

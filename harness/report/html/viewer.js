@@ -241,8 +241,7 @@ class Viewer {
   drawWipe(width, height) {
     const context = this.context;
     const edge = this.wipe * width;
-    context.fillStyle = "#000";
-    context.fillRect(edge, 0, width - edge, height);
+    context.clearRect(edge, 0, width - edge, height);
     context.save();
     context.beginPath();
     context.rect(edge, 0, width - edge, height);
