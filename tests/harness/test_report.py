@@ -14,6 +14,7 @@ import pytest
 from engines.errors import ConfigError
 from harness.analysis import analyse
 from harness.report import write_derived
+from harness.report.html import assembly
 from harness.report.html.assembly import MOST_WINNERS, report_html
 from harness.report.html.noise import noise_panels
 from harness.report.html.pictures import busiest, packed, shrunk
@@ -203,14 +204,26 @@ def test_a_cell_of_the_matrix_says_what_the_winners_say(page, folder):
 
 
 def test_the_page_begins_with_the_sentences_of_the_command_line(page, folder):
-    """Those on winners, counted where there are many, then ratios of settings; what has no ratio is folded."""
+    """Those on winners, then ratios of settings; what has no ratio is folded."""
     analysis = analyse(load_results(folder))
-    start = html.unescape(page[page.index('<h2 class="question">') : page.index('<table class="matrix">')])
-    shown, _, hidden = start.partition("<details")
+    shown, hidden = beginning(page)
     first, settings = winners(analysis), sentences(analysis)
-    assert len(first) > MOST_WINNERS and tally(first) in shown and all(each.text in hidden for each in first)
+    assert len(first) == MOST_WINNERS and all(f"</b> to relMSE {each.target:g}: {each.text}." in shown for each in first)
     assert all(each.text in shown for each in [each for each in settings if each.known][:MOST_LINES])
     assert all(each.text in hidden for each in settings if not each.known)
+
+
+def beginning(page):
+    """What stands before the table of winners: (shown, folded)."""
+    shown, _, folded = page[page.index('<h2 class="question">') : page.index('<table class="matrix">')].partition("<details")
+    return html.unescape(shown), html.unescape(folded)
+
+
+def test_of_many_scenes_and_targets_the_page_first_counts_who_is_first(folder, monkeypatch):
+    monkeypatch.setattr(assembly, "MOST_WINNERS", 5)
+    first = winners(analyse(load_results(folder)))
+    shown, folded = beginning(page_of(folder))
+    assert tally(first) in shown and all(each.text in folded for each in first)
 
 
 def unpacked(data, shape):
