@@ -379,9 +379,7 @@ def test_a_sentence_names_one_winner_and_how_far_it_is_ahead_or_all_that_may_be_
     close = results(tmp_path, *made, contestant(0.0101, engine="embree", noise=0.03))
     (first,), (second,) = ([line for line in winners(analyse(found)) if line.target == 0.01] for found in (clear, close))
     assert (first.first, first.rivals) == ("numba", 2)
-    told = (
-        r"numba is first, after (.+) s \[.*\]; embree follows after ([\d.]+) s; numpy takes ([\d.]+) \[.*\] times as long"
-    )
+    told = r"numba is first, after (.+) s \[.*\]; embree follows after ([\d.]+) s; numpy takes ([\d.]+) \[.*\] times as long"
     ahead = re.fullmatch(told, first.text)
     assert ahead and float(ahead[2]) == pytest.approx(3 * float(ahead[1]), rel=0.1), first.text
     assert float(ahead[3]) == pytest.approx(20, rel=0.1), "paired with the baseline, which numpy is"
