@@ -28,7 +28,7 @@ def view(page: Browser, address: str) -> None:
     page.open(address, 1280, 900)
     page.wait_for(READY)
     rendered(page, "two_spheres", (400, 300), 96)
-    page.click("#toggle-histogram")
+    page.press("h")
     page.point(*page.spot(0.4, 0.6))
     page.wait_for("raybench.probe")
 

@@ -25,24 +25,29 @@ MOST_LINES = 15
 """Lines at the end of a run; the report has all."""
 MOST_REPEATS = 200
 """More repeats than these are said to be out of reach."""
+DECIDED = ("faster", "slower")
 SINGULAR, PLURAL = "'s", "'"
 SUBJECTS = ("engine", "accelerator", "shader", "sampler")
 """Axes whose values reach a target; with values of others contestants do."""
 
 
 class Sentence(NamedTuple):
-    """What is known of a value of an axis, against another value."""
+    """What is known of a value of an axis, against another value; `known` is whether that is a ratio."""
 
     axis: str
     text: str
+    known: bool
 
 
 def sentences(analysis: Analysis) -> list[Sentence]:
-    """Every axis in turn, then contestants that differ from all others in several settings, then why an axis has no ratio."""
-    rows = pd.concat([analysis.by_axis, _of_several(analysis)], ignore_index=True)
+    """Every axis in turn, then contestants that differ from all others in several settings; behind these what has no ratio, and
+    why."""
+    several = _of_several(analysis)
+    rows = pd.concat([analysis.by_axis, several[~_told_by_winners(analysis, several)]], ignore_index=True)
     groups: Any = rows.groupby(["axis", "value", "over"], sort=False)
-    found = [Sentence(axis, _sentence(analysis, axis, value, over, own)) for (axis, value, over), own in groups]
-    return [*found, *_without_ratio(analysis, {each.axis for each in found})]
+    found = [_sentence(analysis, axis, value, over, own) for (axis, value, over), own in groups]
+    told = {each.axis for each in found} | set(several.axis)
+    return sorted([*found, *_without_ratio(analysis, told)], key=lambda each: not each.known)
 
 
 def sentences_text(analysis: Analysis) -> str:
@@ -62,6 +67,13 @@ def _of_several(analysis: Analysis) -> Frame:
     alone = np.array([who not in along for who in zip(found.scene, found.contestant, strict=True)], bool)
     found = found[alone & (found.baseline != "") & (found.factor != AA)]
     return found.assign(axis=found.factor, value=found.contestant, over=found.baseline, settings="")
+
+
+def _told_by_winners(analysis: Analysis, rows: Frame) -> np.ndarray:
+    """Of rows of contestants: those of a race of two that every target has decided, as `winners` says in words, too."""
+    racing = analysis.comparisons[analysis.comparisons.factor != AA].groupby("race").contestant.nunique()
+    open_races = set(rows.race[(rows.measure != PER_SAMPLE) & ~rows.verdict.isin(DECIDED)])
+    return np.array([racing[race] == 2 and race not in open_races for race in rows.race], bool)
 
 
 # --- one sentence ---------------------------------------------------------------------------------------------------
@@ -86,14 +98,15 @@ def _words(axis: str, value: str, over: str, target: float | None) -> _Words:
     return _Words(f"{reaches} in", whose, f"{reaches} as soon as {'' if subject else 'with '}{over}")
 
 
-def _sentence(analysis: Analysis, axis: str, value: str, over: str, rows: Frame) -> str:
+def _sentence(analysis: Analysis, axis: str, value: str, over: str, rows: Frame) -> Sentence:
     """At the hardest target for which some ratio is known; without one by the seconds of a sample."""
     for target in [*reversed(analysis.results.targets), None]:
         own = rows[rows.measure == (PER_SAMPLE if target is None else measure_of(target))]
         if (own.ratio.gt(0) & own.ratio.lt(math.inf)).any():
-            return _of_target(analysis, _words(axis, value, over, target), value, over, own, rows)
+            words = _words(axis, value, over, target)
+            return Sentence(axis, _of_target(analysis, words, value, over, own, rows), True)
     reasons = dict.fromkeys(why for why in rows.no_ratio if why) or ["neither was measured in a block that both have"]
-    return f"{value} and {over} are not compared: {'; '.join(reasons)}."
+    return Sentence(axis, f"{value} and {over} are not compared: {'; '.join(reasons)}.", False)
 
 
 def _of_target(analysis: Analysis, words: _Words, value: str, over: str, rows: Frame, every: Frame) -> str:
@@ -102,7 +115,7 @@ def _of_target(analysis: Analysis, words: _Words, value: str, over: str, rows: F
     told: dict[str, list[Any]] = {}
     for row in compared:
         if 0 < row.ratio < math.inf:
-            told.setdefault("decided" if row.verdict in ("faster", "slower") else row.verdict, []).append(row)
+            told.setdefault("decided" if row.verdict in DECIDED else row.verdict, []).append(row)
     known = sorted(told.get("decided", []), key=lambda row: -row.ratio)
     same = 100 * analysis.results.config.same_within
     parts = []
@@ -194,7 +207,7 @@ def _at_easier_target(analysis: Analysis, row: Any, every: Frame) -> str:
     for target in reversed(analysis.results.targets):
         for found in same[same.measure == measure_of(target)].itertuples():
             if 0 < found.ratio < math.inf and not math.isnan(found.ratio_low):
-                unless = "" if found.verdict in ("faster", "slower", "same") else ", not separated,"
+                unless = "" if found.verdict in (*DECIDED, "same") else ", not separated,"
                 return f"{target:g} in {_share(found)} ({_interval(found)}){unless} on {_place(row)}"
     return ""
 
@@ -269,8 +282,8 @@ def _without_ratio(analysis: Analysis, told: set[str]) -> Iterator[Sentence]:
                         nearest[axis] = min(nearest.get(axis, between), between, key=len)
     for axis, between in nearest.items():
         also = SEVERAL.join(name for name in between if name != axis)
-        yield Sentence(axis, f"no ratio of {axis} alone: contestants that differ in it differ in {also} too.")
+        yield Sentence(axis, f"no ratio of {axis} alone: contestants that differ in it differ in {also} too.", False)
     settings = [contestant.settings for contestant in analysis.results.contestants]
     sizes = {(each.scene, each.width, each.height) for each in settings}
     if len(sizes) > len({each.scene for each in settings}):
-        yield Sentence("resolution", "images of different sizes have no ratio: each size is a race of its own.")
+        yield Sentence("resolution", "images of different sizes have no ratio: each size is a race of its own.", False)

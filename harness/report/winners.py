@@ -1,10 +1,12 @@
-"""Who is the fastest for each scene and target, and that as lines of text, which `raybench run` ends with."""
+"""Who is the fastest for each scene and target, in words, which `raybench run` ends with and the report begins with."""
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import inf, isfinite
-from typing import Any
+from typing import Any, NamedTuple
 
 from harness.analysis import Analysis
 from harness.analysis.columns import estimate_of
@@ -48,10 +50,13 @@ class Standing:
         return "the reference is too noisy to rank those that reached it" if ranked else "none that reached it is ranked"
 
     @property
+    def disqualified(self) -> list[Verdict]:
+        return [verdict for verdict in self.panel.verdicts if verdict.disqualified]
+
+    @property
     def left_out(self) -> list[str]:
         """Those that a flag disqualifies, each with its flags in words."""
-        flagged = [verdict for verdict in self.panel.verdicts if verdict.disqualified]
-        return [f"{verdict.contestant.name} ({', '.join(verdict.warnings)})" for verdict in flagged]
+        return [f"{verdict.contestant.name} ({', '.join(verdict.warnings)})" for verdict in self.disqualified]
 
     @property
     def noisy(self) -> int:
@@ -78,36 +83,86 @@ def standing(analysis: Analysis, panel: Panel, target: float) -> Standing:
     return Standing(panel, [analysis.at(verdict.contestant, target) for verdict in panel.verdicts])
 
 
-def winners_text(analysis: Analysis) -> str:
-    """A heading and a line for each panel and target; empty where nothing was compared."""
-    found = [
-        f"  {panel.title} to {target:g}: {_line(standing(analysis, panel, target))}"
+class Winner(NamedTuple):
+    """What is known of a scene and target. `first` is the contestant that is the fastest, empty where none is alone so, and
+    `rivals` how many others raced."""
+
+    scene: str
+    target: float
+    first: str
+    rivals: int
+    text: str
+
+
+def winners(analysis: Analysis) -> list[Winner]:
+    """One a panel and target."""
+    return [
+        _winner(panel, target, standing(analysis, panel, target))
         for panel in panels(analysis)
         for target in analysis.results.targets
     ]
+
+
+def winners_text(analysis: Analysis) -> str:
+    """A heading and a line for each panel and target; empty where nothing was compared."""
+    found = [f"  {each.scene} to {each.target:g}: {each.text}" for each in winners(analysis)]
     heading = f"Fastest to each target in {metric_title(analysis.results.metric)}, in seconds of rendering:"
     return "\n".join([heading, *found, ""]) if found else ""
 
 
-def _line(of: Standing) -> str:
-    unranked = sum(not row.ranked for row in of.reached)
-    return _fastest(of) + (f"; {unranked} flagged, so not ranked" if unranked else "")
+def tally(found: Sequence[Winner]) -> str:
+    """Who is first how often, of those that race with others."""
+    raced = [each.first for each in found if each.rivals]
+    counts = Counter(filter(None, raced))
+    told = [f"{name} is first in {count}" for name, count in counts.most_common()]
+    unclear = len(raced) - counts.total()
+    parts = [_some(told), f"in {unclear} several may be the first, or none" if unclear else ""]
+    return f"Of {len(raced)} pairs of scene and target {'; '.join(filter(None, parts))}." if raced else ""
 
 
-def _fastest(of: Standing) -> str:
-    if not of.possible:
-        return of.nobody
-    if len(of.possible) > 1:
-        names = [row.contestant for _, row in of.possible]
-        more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
-        return f"not separated ({len(names)}): {', '.join(names[:MOST_NAMES])}{more}"
-    ((_, best),) = of.possible
-    words = f"{best.contestant}, {seconds_text(best)}"
-    ratio, other = of.ratio_of(best)
-    if ratio:
-        words += f"; {ratio} times as fast as {other}"
-    alone = "no other reached it" if len(of.rows) > 1 else "it ran alone"
-    return words + ("" if len(of.reached) > 1 else f"; {alone}")
+def _winner(panel: Panel, target: float, of: Standing) -> Winner:
+    first = of.possible[0][1].contestant if len(of.possible) == 1 else ""
+    return Winner(panel.title, target, first, len(of.rows) - 1, "; ".join(_parts(of)))
+
+
+def _parts(of: Standing) -> Iterator[str]:
+    if len(of.possible) == 1:
+        ((verdict, best),) = of.possible
+        value, bracket, interval = seconds_text(best).partition(" [")
+        said = "is first, after" if len(of.rows) > 1 else "ran alone and took"
+        yield f"{best.contestant} {said} {value} s{bracket}{interval}"
+        ratio, other = of.ratio_of(best)
+        others = [row for row in of.ranked if row.reached and row is not best]
+        if others and (second := min(others, key=lambda row: row.seconds)).contestant != other:
+            yield f"{second.contestant} follows after {_value(second)} s"
+        if ratio:
+            yield f"{other} takes {ratio} times as long"
+        if verdict.warnings:
+            yield f"beware: {', '.join(verdict.warnings)}"
+    elif of.possible:
+        names = [f"{row.contestant} ({_value(row)} s)" for _, row in of.possible]
+        yield f"not separated ({len(names)}): {_some(names)}"
+    else:
+        yield of.nobody
+    reached, out_of = len(of.reached), len(of.rows)
+    if reached == 1 == len(of.possible) < out_of:
+        yield "no other reached it"
+    elif 0 < reached < out_of:
+        yield f"{reached} of {out_of} reached it"
+    if of.noisy and of.possible:
+        yield f"the reference is too noisy for {of.noisy} of them, whose times are bounds"
+    if of.reached and of.disqualified:
+        names = [verdict.contestant.name for verdict in of.disqualified]
+        yield f"flagged, so not ranked: {of.left_out[0] if len(names) == 1 else _some(names)}"
+
+
+def _value(row: Any) -> str:
+    return seconds_text(row).partition(" [")[0]
+
+
+def _some(names: Sequence[str]) -> str:
+    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+    return ", ".join(names[:MOST_NAMES]) + more
 
 
 def seconds_text(row: Any) -> str:

@@ -11,6 +11,7 @@ from harness.report.html.axes import axis_tables
 from harness.report.sentences import repeats_to_separate, sentences, sentences_text
 from harness.report.tables import all_tables
 from harness.report.tables.model import csv_text, latex_text, markdown_text
+from harness.report.winners import winners_text
 from tests.harness.test_races import by_light, contestant, results, twins
 
 TO = "time to 0.01"
@@ -154,6 +155,12 @@ def test_a_flagged_value_has_no_ratio_and_says_so(tmp_path):
 # In words
 
 
+def test_what_has_a_ratio_is_told_before_what_has_none(tmp_path):
+    threes = contestant(0.005, engine="embree", threads=2), contestant(0.002, engine="numpy", threads=2)
+    known = [each.known for each in sentences(analyse(results(tmp_path, twins(), *threes)))]
+    assert set(known) == {True, False} and known == sorted(known, reverse=True)
+
+
 def test_a_sentence_tells_each_scene_and_what_is_not_separated(tmp_path):
     (of_engine,) = lines(samplers(tmp_path), "engine")
     assert of_engine.startswith("embree reaches 0.01 ") and "numba" in of_engine and of_engine.endswith(".")
@@ -207,11 +214,14 @@ def test_a_sentence_says_what_is_known_at_an_easier_target_where_neither_reached
     assert "time on yard; neither reached it on hall (0.1 in 0." in line and line.endswith(") on hall).")
 
 
-def test_axes_that_vary_together_are_told(tmp_path):
-    analysis = analyse(results(tmp_path, twins(), contestant(0.005, engine="embree", threads=2)))
+@pytest.mark.parametrize("decided", [False, True])
+def test_axes_that_vary_together_are_told_unless_they_are_those_of_two_contestants_of_whom_one_is_first(tmp_path, decided):
+    """What is known of the two then stands in the winners' sentence."""
+    analysis = analyse(results(tmp_path, twins(), contestant(0.005 if decided else 0.0101, engine="embree", threads=2)))
     assert analysis.by_axis.empty
-    (line,) = lines(analysis, "engine and threads")
-    assert line.startswith("embree 2 threads reaches 0.01 in ") and "of numba 1 thread's time on hall" in line
+    told = [line.split(" in ")[0] for line in lines(analysis, "engine and threads")]
+    assert told == [] if decided else ["embree 2 threads reaches 0.01"]
+    assert ("numba 1 thread takes" in winners_text(analysis)) == decided
     assert lines(analysis, "threads") == ["no ratio of threads alone: contestants that differ in it differ in engine too."]
     assert "threads: no ratio of threads alone" in sentences_text(analysis)
 

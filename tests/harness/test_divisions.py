@@ -8,9 +8,9 @@ from engines.errors import ConfigError, RaybenchError
 from harness import config, store
 from harness.analysis import analyse
 from harness.plan import planner
-from harness.report.html.assembly import headlines
 from harness.report.plots.panels import facets
 from harness.report.tables import all_tables
+from harness.report.winners import winners
 from harness.store.events import line_of
 from tests.harness import sweeping
 from tests.harness.test_races import contestant, results, twins, verdicts
@@ -120,7 +120,7 @@ def test_divisions_are_ranked_apart_and_never_compared(tmp_path):
     assert rows.loc["numba"].baseline == "numpy" and rows.loc["embree open division"].verdict == ""
     other = rows.loc["other open division"]
     assert other.baseline == "embree open division" and other.verdict == "slower"
-    lines = {(line["scene"], line["winner"]) for line in headlines(analyse(found)) if line["target"] == "0.01"}
+    lines = {(line.scene, line.first) for line in winners(analyse(found)) if line.target == 0.01}
     assert lines == {("hall", "numba"), ("hall open division", "embree open division")}
     assert [facet.title for facet in facets(analyse(found).verdicts)] == ["closed division", "open division"]
     assert "division" in {column.name for column in all_tables(analyse(found))[0].columns}
@@ -128,7 +128,7 @@ def test_divisions_are_ranked_apart_and_never_compared(tmp_path):
 
 def test_closed_alone_says_nothing_of_divisions(tmp_path):
     found = results(tmp_path, contestant(0.2, engine="numpy"), twins())
-    assert {line["scene"] for line in headlines(analyse(found))} == {"hall"}
+    assert {line.scene for line in winners(analyse(found))} == {"hall"}
     assert "division" not in {column.name for column in all_tables(analyse(found))[0].columns}
 
 

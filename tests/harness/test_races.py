@@ -1,6 +1,7 @@
 """Races in results of known truth: who is compared with whom, with what persistent spread, and who may not be ranked."""
 
 import math
+import re
 
 import numpy as np
 import pandas as pd
@@ -11,12 +12,12 @@ from harness.analysis import analyse
 from harness.analysis.comparisons import PAIRS, comparisons
 from harness.analysis.crossings import crossings, times_to_quality
 from harness.analysis.frames import ResultFrames
-from harness.report.html.assembly import headlines
 from harness.report.plots import Palette
 from harness.report.plots.bars import quality_bars
 from harness.report.plots.panels import panels
 from harness.report.tables import all_tables
 from harness.report.tables.evidence import evidence
+from harness.report.winners import tally, winners
 from tests.harness.synthetic import SMALL, arranged, base_cell, metrics
 
 TARGETS = [0.1, 0.01]
@@ -358,9 +359,9 @@ def test_no_ranking_contains_a_flagged_contestant(tmp_path, flagged):
     tables = {table.name: table for table in all_tables(analysis)}
     for row in tables["speedups"].rows:
         assert flagged not in (row["contestant"], row["baseline"])
-    (line,) = [line for line in headlines(analysis) if line["target"] == "0.01"]
-    assert line["left_out"] == [f"{flagged} (bad samples)"]
-    assert line["winner"] == ("embree" if flagged == "numba" else "numba"), "of those that are left"
+    (line,) = [line for line in winners(analysis) if line.target == 0.01]
+    assert line.text.endswith(f"; flagged, so not ranked: {flagged} (bad samples)")
+    assert line.first == ("embree" if flagged == "numba" else "numba"), "of those that are left"
 
 
 def test_a_contended_contestant_is_ranked_and_warned_of(tmp_path):
@@ -372,14 +373,21 @@ def test_a_contended_contestant_is_ranked_and_warned_of(tmp_path):
     assert rows.loc["numba"].possible_winner
 
 
-def test_a_headline_names_one_winner_or_all_that_may_be_it(tmp_path):
+def test_a_sentence_names_one_winner_and_how_far_it_is_ahead_or_all_that_may_be_it(tmp_path):
     made = contestant(0.2, engine="numpy"), twins(noise=0.03)
     clear = results(tmp_path, *made, contestant(0.03, engine="embree", noise=0.03))
     close = results(tmp_path, *made, contestant(0.0101, engine="embree", noise=0.03))
-    (first,), (second,) = ([line for line in headlines(analyse(found)) if line["target"] == "0.01"] for found in (clear, close))
-    assert first["winner"] == "numba" and not first["rivals"]
-    assert second["winner"] is None and sorted(second["rivals"]) == ["embree", "numba"]
-    assert (first["reached"], first["out_of"]) == (3, 3)
+    (first,), (second,) = ([line for line in winners(analyse(found)) if line.target == 0.01] for found in (clear, close))
+    assert (first.first, first.rivals) == ("numba", 2)
+    told = r"numba is first, after (.+) s \[.*\]; embree follows after ([\d.]+) s; numpy takes ([\d.]+) \[.*\] times as long"
+    ahead = re.fullmatch(told, first.text)
+    assert ahead and float(ahead[2]) == pytest.approx(3 * float(ahead[1]), rel=0.1), first.text
+    assert float(ahead[3]) == pytest.approx(20, rel=0.1), "paired with the baseline, which numpy is"
+    assert second.first == "" and re.fullmatch(r"not separated \(2\): \w+ \(.* s\), \w+ \(.* s\)", second.text)
+    counted = [first, second, first._replace(first="embree"), first, first._replace(rivals=0)]
+    assert tally(counted) == (
+        "Of 4 pairs of scene and target numba is first in 2, embree is first in 1; in 1 several may be the first, or none."
+    )
 
 
 @pytest.mark.parametrize(

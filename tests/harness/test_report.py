@@ -14,13 +14,15 @@ import pytest
 from engines.errors import ConfigError
 from harness.analysis import analyse
 from harness.report import write_derived
-from harness.report.html.assembly import report_html
+from harness.report.html import assembly
+from harness.report.html.assembly import MOST_WINNERS, report_html
 from harness.report.html.noise import noise_panels
 from harness.report.html.pictures import busiest, packed, shrunk
 from harness.report.plots.panels import panels
+from harness.report.sentences import MOST_LINES, sentences
 from harness.report.tables import all_tables
 from harness.report.tables.model import estimate_text
-from harness.report.winners import standing
+from harness.report.winners import standing, tally, winners
 from harness.store.results import load_results
 
 DERIVED = ("points.csv", "ttq.csv", "phases.csv", "report.html", "tables/time_to_quality.md", "tables/columns.md")
@@ -189,13 +191,39 @@ def test_a_cell_of_the_matrix_says_what_the_winners_say(page, folder):
     cells = re.findall(r"<td data-target=.*?</td>", matrix[: matrix.index("</table>")], re.S)
     assert len(cells) == len(lines) > 4
     for cell, line in zip(cells, lines, strict=True):
-        text = html.unescape(re.sub(r"<[^>]*>", "", cell))
-        who = line.split(": ", 1)[1].split(", ")[0]
-        if who.startswith("not separated"):
-            assert who.split(":")[0] in text and who.split(": ")[1] in text
+        text = " ".join(html.unescape(re.sub(r"<[^>]*>", "", cell)).split())
+        said = line.split(": ", 1)[1].split("; ")[0]
+        if first := re.fullmatch(r"(.*?)(?: is first, after| ran alone and took) (.*) s(.*)", said):
+            assert text.startswith(first[1]) and f"{first[2]}{first[3]} s" in text
+        elif said.startswith("not separated"):
+            several, names = said.split(": ", 1)
+            assert several in text and names.split(" (")[0] in text
         else:
-            assert (" ".join(text.split()).startswith(who) and re.search(r"[<>]? ?[\d.]+( \[.*?\])? s", text)) or who in text
+            assert said in text
         assert 'href="#quality-' in cell
+
+
+def test_the_page_begins_with_the_sentences_of_the_command_line(page, folder):
+    """Those on winners, then ratios of settings; what has no ratio is folded."""
+    analysis = analyse(load_results(folder))
+    shown, hidden = beginning(page)
+    first, settings = winners(analysis), sentences(analysis)
+    assert len(first) == MOST_WINNERS and all(f"</b> to relMSE {each.target:g}: {each.text}." in shown for each in first)
+    assert all(each.text in shown for each in [each for each in settings if each.known][:MOST_LINES])
+    assert all(each.text in hidden for each in settings if not each.known)
+
+
+def beginning(page):
+    """What stands before the table of winners: (shown, folded)."""
+    shown, _, folded = page[page.index('<h2 class="question">') : page.index('<table class="matrix">')].partition("<details")
+    return html.unescape(shown), html.unescape(folded)
+
+
+def test_of_many_scenes_and_targets_the_page_first_counts_who_is_first(folder, monkeypatch):
+    monkeypatch.setattr(assembly, "MOST_WINNERS", 5)
+    first = winners(analyse(load_results(folder)))
+    shown, folded = beginning(page_of(folder))
+    assert tally(first) in shown and all(each.text in folded for each in first)
 
 
 def unpacked(data, shape):

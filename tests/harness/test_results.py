@@ -121,7 +121,7 @@ def test_rays_without_answers_or_contention_are_said_to_be_such(tmp_path):
     ("given", "words"),
     [
         ({"relmse_e0.01_se": 1.0}, "the reference is too noisy to rank those that reached it"),
-        ({"nonfinite": 3.0}, "none that reached it is ranked; 1 flagged, so not ranked"),
+        ({"nonfinite": 3.0}, "none that reached it is ranked; flagged, so not ranked: numba (non-finite pixels)"),
         ({"relmse_e0.01": 0.5}, "not reached"),
     ],
 )

@@ -19,6 +19,9 @@ HANDLE = """(() => { const r = document.querySelector('.handle').getBoundingClie
   return [r.x + r.width / 2, r.y + r.height / 2]; })()"""
 REST = "['finished', 'stopped'].includes(raybench.state)"
 ERROR = "document.getElementById('error')"
+UNFOLD = "document.querySelectorAll('details').forEach((each) => { each.open = true; })"
+VISIBLE = """Array.from(document.querySelectorAll('button:not(.handle), input, select'))
+  .filter((each) => each.checkVisibility()).map((each) => each.id || each.name)"""
 
 
 RESET = """(() => { raybench.settingsForm.reset('numpy'); raybench.input.choose('');
@@ -35,6 +38,8 @@ def visited(browser, viewer):
     browser.problems.clear()
     browser.open(viewer.address)
     browser.wait_for("window.raybench && raybench.settingsForm && raybench.opened")
+    assert browser.evaluate(VISIBLE) == ["show-keys", "theme", "start", "stop", "restart", "scene", "engine"]
+    browser.evaluate(UNFOLD)
     return browser
 
 
@@ -346,6 +351,7 @@ def test_a_new_worker_displays_as_the_lost_one_and_has_no_reference(browser, fol
         browser.wait_for("window.raybench && raybench.opened")
         finished(browser, 2)
         before = browser.evaluate(PIXELS)
+        browser.evaluate(UNFOLD)
         browser.click("#keep-reference")
         browser.wait_for("raybench.frame.error === 0")
         workers = psutil.Process(other.pid).children()

@@ -18,7 +18,6 @@ from markupsafe import Markup
 
 from harness.analysis import Analysis, calibration, reports_its_time
 from harness.analysis.certificates import certificate_text, certifies, refutes
-from harness.analysis.columns import estimate_of
 from harness.analysis.rays import RayContestant, ray_races
 from harness.metrics import error_words, metric_title
 from harness.report.html.axes import axis_tables
@@ -30,19 +29,20 @@ from harness.report.plots import Picture, Plot
 from harness.report.plots.catalogue import OF_A_PANEL
 from harness.report.plots.chart import Chart
 from harness.report.plots.interactive import plotly
-from harness.report.plots.panels import Panel, panels
+from harness.report.plots.panels import panels
 from harness.report.plots.rays import RAYS
 from harness.report.plots.style import file_stem, formats
 from harness.report.sentences import MOST_LINES, sentences
 from harness.report.tables import Column, Table, cell_text, sort_value
 from harness.report.tables.evidence import evidence
-from harness.report.tables.model import estimate_text
-from harness.report.winners import seconds_text, standing
+from harness.report.winners import tally, winners
 from harness.store.records import AnyCell, Cell, RayCell
 from harness.store.results import Contestant, Results, fixed_seconds, point_error
 
 MOST_BYTES = 9_500_000
 """The report stays under 10 MB; pictures get what the rest leaves, at least a tenth of it and at most 6 MB."""
+MOST_WINNERS = 6
+"""Scenes and targets that the first lines tell one by one; of more they count who is first how often."""
 SCRIPTS = ("theme.js", "table.js", "decode.js", "plots.js", "colours.js", "viewer.js")
 LIBRARY = "plotly-basic.min.js"
 """The file `plotly-basic.min.js` of the package plotly.js-basic-dist-min of npm, as it is there."""
@@ -82,6 +82,7 @@ def report_html(
     renders = "time_to_quality" in {table.name for table in tables}
     results, found = analysis.results, calibration.calibrate(analysis, calibration.OF_REPORTS)
     references = _references(results)
+    first, said = winners(analysis), sentences(analysis)
     pictures = {"groups": [group.payload for group in groups], "maps": colour_maps()}
     return (
         _environment()
@@ -92,9 +93,11 @@ def report_html(
             renders=renders,
             matrix=matrix(analysis, found, references),
             colour_key=colour_key(analysis),
-            verdicts=headlines(analysis),
-            sentences=sentences(analysis),
+            winners=first,
+            tally=tally(first) if len(first) > MOST_WINNERS else "",
+            answers=[each for each in said if each.known],
             most_answers=MOST_LINES,
+            unanswered=[each for each in said if not each.known],
             axis_tables=axis_tables(analysis),
             tables={table.name: table for table in tables},
             pair_verdicts=_pair_verdicts(analysis),
@@ -116,6 +119,7 @@ def report_html(
             figures=calibration.figures(found),
             rests_on=calibration.rests_on(found),
             metric=metric_title(results.metric),
+            short_metric=metric_title(results.metric).partition(" (")[0],
             error_words=error_words(results.metric),
             evidence=evidence(analysis),
             style=Markup(_asset("report.css")),
@@ -141,37 +145,6 @@ def plot_sets(analysis: Analysis, plots: Sequence[Plot | Picture]) -> list[tuple
 def plot_figure(plot: Plot | Picture) -> Markup:
     """A plot as an element of a page: what plots.js draws, or an image."""
     return Markup(_environment().get_template("plot.html.j2").render(plot=plot, suffixes=formats()))
-
-
-def headlines(analysis: Analysis) -> list[dict[str, Any]]:
-    """Per panel and target: the fastest (warm), or all that may be it."""
-    return [_headline(analysis, panel, target) for panel in panels(analysis) for target in analysis.results.targets]
-
-
-def _headline(analysis: Analysis, panel: Panel, target: float) -> dict[str, Any]:
-    """`winner` is None where several are not separated, or none reached it. `left_out` have a flag that disqualifies them."""
-    found = standing(analysis, panel, target)
-    line = {
-        "scene": panel.title,
-        "target": f"{target:g}",
-        "winner": None,
-        "rivals": [],
-        "out_of": len(panel.verdicts),
-        "reached": len(found.reached),
-        "left_out": found.left_out,
-        "noisy": found.noisy,
-        "nobody": found.nobody,
-    }
-    if len(found.possible) != 1:
-        return line | {"rivals": [row.contestant for _, row in found.possible]}
-    ((best, row),) = found.possible
-    return line | {
-        "alone": len(found.ranked) == 1,
-        "winner": best.contestant.name,
-        "flags": best.warnings,
-        "time": seconds_text(row),
-        "cold": estimate_text(estimate_of(row, "cold_seconds")),
-    }
 
 
 def colour_maps() -> dict[str, list[list[int]]]:

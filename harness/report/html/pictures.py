@@ -163,9 +163,9 @@ def rounded(image: Image) -> NDArray[np.float16]:
 
 
 def point_words(results: Results, point: Point) -> str:
-    """`256 spp, 3.21 s, relmse_e0.01 4.5e-04`."""
+    """`256 spp, 3.21 s, relMSE 4.5e-04`."""
     error, _ = point_error(point, results.metric)
-    name = "error" if higher_is_better(results.metric) else metric_title(results.metric)
+    name = "error" if higher_is_better(results.metric) else metric_title(results.metric).partition(" (")[0]
     return f"{point.spp} spp, {number_text(point.seconds)} s, {name} {number_text(error)}"
 
 

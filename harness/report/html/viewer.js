@@ -149,26 +149,33 @@ class Viewer {
     return this.drawn.get(index);
   }
 
+  // Columns and rows of the pictures that are shown.
+  cells() {
+    const count = this.mode === "grid" ? this.listed.length : 1;
+    const aspect = (this.canvas.parentElement.clientWidth / innerHeight) * (this.group.height / this.group.width);
+    const columns = Math.min(count, Math.max(1, Math.round(Math.sqrt(count * aspect))));
+    return [columns, Math.ceil(count / columns)];
+  }
+
   // The areas of the canvas, in CSS pixels, and the picture in each. They are of one size.
   areas() {
-    const { clientWidth, clientHeight } = this.canvas;
-    const count = this.listed.length;
-    if (this.mode !== "grid") return [{ index: this.current, left: 0, top: 0, width: clientWidth, height: clientHeight }];
-    const aspect = (clientWidth / clientHeight) * (this.group.height / this.group.width);
-    const columns = Math.min(count, Math.max(1, Math.round(Math.sqrt(count * aspect))));
-    const [width, height] = [clientWidth / columns, clientHeight / Math.ceil(count / columns)];
-    return this.listed.map((index, k) => ({ index, left: (k % columns) * width, top: Math.floor(k / columns) * height, width, height }));
+    const [columns, rows] = this.cells();
+    this.canvas.style.setProperty("--aspect", (columns * this.group.width) / (rows * this.group.height));
+    const [width, height] = [this.canvas.clientWidth / columns, this.canvas.clientHeight / rows];
+    const shown = this.mode === "grid" ? this.listed : [this.current];
+    return shown.map((index, k) => ({ index, left: (k % columns) * width, top: Math.floor(k / columns) * height, width, height }));
   }
 
   redraw() {
     const ratio = devicePixelRatio || 1;
+    const areas = this.areas(); // before the canvas is measured, which gets its proportions there
     const { clientWidth: width, clientHeight: height } = this.canvas;
     this.canvas.width = Math.round(width * ratio);
     this.canvas.height = Math.round(height * ratio);
     const context = this.context;
     context.imageSmoothingEnabled = false;
     context.scale(ratio, ratio);
-    for (const area of this.areas()) this.drawPicture(area);
+    for (const area of areas) this.drawPicture(area);
     if (this.mode === "wipe") this.drawWipe(width, height);
     this.drawPixel(width, height);
     this.writeState();
@@ -234,8 +241,7 @@ class Viewer {
   drawWipe(width, height) {
     const context = this.context;
     const edge = this.wipe * width;
-    context.fillStyle = "#000";
-    context.fillRect(edge, 0, width - edge, height);
+    context.clearRect(edge, 0, width - edge, height);
     context.save();
     context.beginPath();
     context.rect(edge, 0, width - edge, height);

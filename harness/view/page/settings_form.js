@@ -90,7 +90,8 @@ export class SettingsForm {
     );
     this.notice = element("p", { className: "notice", role: "status" });
     const legend = element("legend", {}, this.legend);
-    this.place.replaceChildren(element("fieldset", {}, legend, labelled("Engine", this.engine), this.notice, this.choices, pair));
+    this.more = element("details", { className: "folded", open: true }, element("summary", {}, "Shader, sampler, accelerator, threads"), this.choices, pair);
+    this.place.replaceChildren(element("fieldset", {}, legend, labelled("Engine", this.engine), this.notice, this.more));
     this.offer();
   }
 

@@ -59,6 +59,7 @@ export function showState(header) {
 // What is wrong with the first control whose value cannot be used; null where all can be.
 export function invalidEntry(form) {
   const found = Array.from(form.elements).find((control) => control.willValidate && !control.validity.valid);
+  found?.closest("details")?.setAttribute("open", "");
   return found ? `${found.labels[0]?.firstChild.textContent.trim() ?? found.name}: ${found.validationMessage}` : null;
 }
 

@@ -34,6 +34,7 @@ function menu(header) {
   const wanted = [given.settings.engine, document.body.dataset.engine].filter(Boolean);
   const engine = wanted.find(able) ?? header.preferred;
   page.settingsForm = new SettingsForm(byId("render-settings"), header, "Renderer", engine, given.settings);
+  page.settingsForm.more.open = false;
   if (wanted.length && wanted[0] !== engine) page.settingsForm.announce(`${wanted[0]} is not available: ${engine} is used.`);
   byId("scenes").append(...header.scenes.map((name) => new Option(name)));
   byId("mapper").append(...header.tone_mappers.map((name) => new Option(name, name, false, name === "srgb")));
@@ -253,7 +254,7 @@ function tone() {
 function chooseView(name) {
   if (name === "error" && !page.reference?.name) {
     byId("show").value = "image";
-    showError("The error map needs a reference: let an image get many samples and press Keep this image, or name an EXR file.");
+    showError("The error map needs a reference: let an image get many samples and keep it, or name an EXR file, under Reference of the error map.");
     return;
   }
   showError(null);
