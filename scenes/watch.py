@@ -296,7 +296,7 @@ def materials(file):
         "leather": file.material("leather", (1, 1, 1), 0.0, 0.55, file.texture(leather())),
         "backdrop": file.material("backdrop", (0.2, 0.215, 0.235), 0.0, 0.5),
     }
-    for name, color, strength in (("key", [1, 0.97, 0.92], 6.5), ("rim", [0.82, 0.91, 1], 9.0), ("top", [1, 1, 1], 3.0)):
+    for name, color, strength in (("key", [1, 0.97, 0.92], 8.5), ("rim", [0.82, 0.91, 1], 9.0), ("top", [1, 1, 1], 3.0)):
         made[name] = file.material(f"{name} light", (0, 0, 0), emission=color, emissive_strength={"emissiveStrength": strength})
     return made
 
@@ -399,7 +399,7 @@ def make():
     lamp = {"name": "spot", "type": "spot", "intensity": 0.02, "color": [1, 0.9, 0.75], "spot": cone}
     file.tree["extensions"] = {"KHR_lights_punctual": {"lights": [lamp]}}
     file.tree["extensionsUsed"].append("KHR_lights_punctual")
-    spot, eye, target = (-0.1, 0.3, -0.1), (0.02, 0.075, 0.205), (0.012, 0.0325, -0.004)
+    spot, eye, target = (-0.1, 0.3, -0.1), (0.02, 0.075, 0.205), (0.007, 0.0325, -0.004)
     shown = {"KHR_lights_punctual": {"light": 0}}
     scene.append(file.add("nodes", name="spot", rotation=looking(spot, (0, 0.03, 0)), translation=spot, extensions=shown))
     lens = file.add("cameras", type="perspective", perspective={"yfov": 0.385, "aspectRatio": 16 / 9, "znear": 0.01})

@@ -54,7 +54,7 @@ FURNISHED = {
     "desk_lamp": 256,
     "dusty_room": 256,
     "milk": 256,
-    "watch": 256,
+    "watch": 64,
 }
 """Samples per pixel of the scenes that are drawn in full size, 1280 x 720, in the order of the page."""
 GLTF = {"watch": "A wrist watch on a leather strap, a glTF file with the camera and the lamps of a product photograph."}
@@ -73,7 +73,7 @@ OPTIONS = {
     "door": ["--shader", "{name: path_tracer, guiding: sd_tree}", "--tone-mapper", "reinhard", "--exposure", "5"],
     "mobilert_cornell": ["--engine", "numpy", "--shader", "whitted"],
     "dusty_room": ["--shader", "{name: volumetric_path_tracer, max_depth: 6, light_sampler: power}"],
-    "milk": ["--shader", "{name: volumetric_path_tracer, max_depth: 64}"],
+    "milk": ["--shader", "{name: volumetric_path_tracer, max_depth: 64, rr_depth: 64}"],
 }
 """Of pictures that are made in another way: two show media; hardly any light passes the door; that of mobilert_cornell hangs a
 centimetre below the ceiling, and no path finds that spot in time."""
