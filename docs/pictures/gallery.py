@@ -52,8 +52,8 @@ FURNISHED = {
     "still_life": 1024,
     "bathroom": 256,
     "desk_lamp": 256,
-    "dusty_room": 256,
-    "milk": 256,
+    "dusty_room": 128,
+    "milk": 64,
     "watch": 64,
 }
 """Samples per pixel of the scenes that are drawn in full size, 1280 x 720, in the order of the page."""
@@ -72,7 +72,7 @@ SAMPLES = {
 OPTIONS = {
     "door": ["--shader", "{name: path_tracer, guiding: sd_tree}", "--tone-mapper", "reinhard", "--exposure", "5"],
     "mobilert_cornell": ["--engine", "numpy", "--shader", "whitted"],
-    "dusty_room": ["--shader", "{name: volumetric_path_tracer, max_depth: 6, light_sampler: power}"],
+    "dusty_room": ["--shader", "{name: volumetric_path_tracer, max_depth: 2, light_sampler: power}"],
     "milk": ["--shader", "{name: volumetric_path_tracer, max_depth: 64, rr_depth: 64}"],
 }
 """Of pictures that are made in another way: two show media; hardly any light passes the door; that of mobilert_cornell hangs a
