@@ -53,7 +53,7 @@ FURNISHED = {
     "bathroom": 256,
     "desk_lamp": 256,
     "dusty_room": 128,
-    "milk": 64,
+    "milk": 256,
     "watch": 64,
 }
 """Samples per pixel of the scenes that are drawn in full size, 1280 x 720, in the order of the page."""
