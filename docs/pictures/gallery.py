@@ -16,9 +16,10 @@ from PIL import Image
 DOCS = Path(__file__).resolve().parents[1]
 SCENES = DOCS.parent / "scenes"
 PICTURES = DOCS / "pictures" / "gallery"
+FENCE = "console no-run: a picture of this size takes minutes"
 HEAD = """# Gallery
 
-This page shows every scene in `scenes/` that you can name without a path. Choose one by your question:
+This page shows every scene in `scenes/` that you can name without a path, and `watch.glb`. Choose one by your question:
 
 - a first comparison in seconds: `cornell_box`, `two_spheres`
 - the same image from numba, Mitsuba, LuxCore and Cycles: `study`, whose materials all four support
@@ -26,6 +27,7 @@ This page shows every scene in `scenes/` that you can name without a path. Choos
 - which light to sample: `many_lights`, `veach_plates`; path guiding: `door`
 - accelerators: `teapot_stadium` and Haines' scenes (`gears`, `lattice`, `mount`, `rings`, `sphereflake`, `tetra`, `tree`)
 - correctness: `furnace`, whose every pixel is 1
+- media: `dusty_room`, `milk`; glTF: `watch.glb`
 
 The comment on top of a scene's file says more about it. Scenes without a source were made for raybench. `scenes/` also contains
 the folders `mobilert` (three scenes need meshes that raybench cannot ship), `scaling` (two scenes in five sizes) and
@@ -35,7 +37,7 @@ the folders `mobilert` (three scenes need meshes that raybench cannot ship), `sc
 
 The caption says how many samples per pixel each picture has. This command makes the first one:
 
-```console no-run: a picture of this size takes minutes
+```{}
 $ {}
 ```
 """
@@ -51,8 +53,13 @@ FURNISHED = {
     "still_life": 1024,
     "bathroom": 256,
     "desk_lamp": 256,
+    "dusty_room": 128,
+    "milk": 256,
+    "watch": 64,
 }
 """Samples per pixel of the scenes that are drawn in full size, 1280 x 720, in the order of the page."""
+GLTF = {"watch": "A wrist watch on a leather strap, a glTF file with the camera and the lamps of a product photograph."}
+"""What such a file shows: it has no comment."""
 SAMPLES = {
     "cornell_spheres": 1024,
     "glassware": 384,
@@ -66,9 +73,11 @@ SAMPLES = {
 OPTIONS = {
     "door": ["--shader", "{name: path_tracer, guiding: sd_tree}", "--tone-mapper", "reinhard", "--exposure", "5"],
     "mobilert_cornell": ["--engine", "numpy", "--shader", "whitted"],
+    "dusty_room": ["--shader", "{name: volumetric_path_tracer, max_depth: 2, light_sampler: power}"],
+    "milk": ["--shader", "{name: volumetric_path_tracer, max_depth: 64, rr_depth: 64}"],
 }
-"""Of pictures that are made in another way: hardly any light passes the door; the other's light hangs a centimetre below the
-ceiling, and no path finds that spot in time."""
+"""Of pictures that are made in another way: two show media; hardly any light passes the door; that of mobilert_cornell hangs a
+centimetre below the ceiling, and no path finds that spot in time."""
 TEST_SCENES = """## Test scenes
 
 | scene | content |
@@ -97,16 +106,24 @@ PORT_COMMAND = "raybench render dahlquist --size 160x160 --calls 11 --probe smoo
 
 
 def command(name: str) -> list[str]:
-    width, height = map(int, re.findall(r"resolution: \[(\d+), (\d+)\]", (SCENES / f"{name}.yaml").read_text())[0])
-    size = "1280x720" if name in FURNISHED else f"{160 * width // height}x160"
+    size = "1280x720" if name in FURNISHED else small_size(name)
+    scene = f"scenes/{name}.glb" if name in GLTF else name
     options = OPTIONS.get(name, [])
     how = [] if "--engine" in options else ["--engine", "numba" if name in FURNISHED else "embree", "--precision", "float32"]
     spp = str({**SAMPLES, **FURNISHED}.get(name, 256))
-    return ["raybench", "render", name, *how, *options, "--spp", spp, "--size", size, "-o", f"{name}.png"]
+    return ["raybench", "render", scene, *how, *options, "--spp", spp, "--size", size, "-o", f"{name}.png"]
+
+
+def small_size(name: str) -> str:
+    """160 pixels high, with the aspect ratio of the scene."""
+    width, height = map(int, re.findall(r"resolution: \[(\d+), (\d+)\]", (SCENES / f"{name}.yaml").read_text())[0])
+    return f"{160 * width // height}x160"
 
 
 def words(name: str) -> str:
     """The first sentence of the comment on top of a scene's file."""
+    if name in GLTF:
+        return GLTF[name]
     lines = (SCENES / f"{name}.yaml").read_text(encoding="utf-8").splitlines()
     text = " ".join(line.lstrip("# ") for line in lines[: next(i for i, line in enumerate(lines) if line[:1] != "#")])
     return re.split(r"(?<=[a-z0-9)])\. (?=[A-Z0-9])", text)[0].removesuffix(".") + "."
@@ -114,14 +131,17 @@ def words(name: str) -> str:
 
 def furnished(name: str) -> str:
     picture = f"![{name}](pictures/gallery/{name}.jpg)"
-    return f"### {name}\n\n{picture}\n\n{words(name)} {FURNISHED[name]} samples.\n"
+    own = f"\n```{FENCE}\n$ {shlex.join(command(name))}\n```\n" if name in OPTIONS or name in GLTF else ""
+    return f"### {name}\n\n{picture}\n\n{words(name)} {FURNISHED[name]} samples.\n{own}"
 
 
 def test_scenes(names: list[str]) -> str:
     """A table of pictures and of what each scene is."""
     rows = [f"| ![{name}](pictures/gallery/{name}.png)<br>`{name}` | {words(name)} |" for name in names]
     samples = ", ".join(f"{count} of `{name}`" for name, count in SAMPLES.items())
-    others = ", and\n".join(f"`{name}` with `{shlex.join(options)}`" for name, options in OPTIONS.items())
+    others = ", and\n".join(
+        f"`{name}` with `{shlex.join(options)}`" for name, options in OPTIONS.items() if name not in FURNISHED
+    )
     return TEST_SCENES.format("\n".join(rows), " ".join(command("cornell_box")), samples, others, PORT_COMMAND)
 
 
@@ -143,12 +163,12 @@ def keep(made: Path) -> None:
 
 
 def page(names: list[str]) -> str:
-    head = HEAD.format(" ".join(command(next(iter(FURNISHED)))))
+    head = HEAD.format(FENCE, " ".join(command(next(iter(FURNISHED)))))
     return "\n".join([head, *map(furnished, FURNISHED), test_scenes([name for name in names if name not in FURNISHED])])
 
 
 def main(wanted: list[str]) -> None:
-    names = sorted(file.stem for file in SCENES.glob("*.yaml"))
+    names = sorted([*GLTF, *(file.stem for file in SCENES.glob("*.yaml"))])
     (DOCS / "gallery.md").write_text(page(names), encoding="utf-8")
     PICTURES.mkdir(exist_ok=True)
     for name in wanted or names:

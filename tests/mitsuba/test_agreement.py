@@ -19,7 +19,9 @@ ALPHA = 1e-4
 SIDE, REPLICATES, SPP = 24, 16, 8
 MANY = {"lattice", "many_lights", "rings", "sphereflake", "tree"}
 """Scenes of hundreds of spheres: Mitsuba records a case for each of them, which takes minutes."""
-LONG = {"bathroom", "cabinet", "cafe", "classroom", "desk_lamp", "hall", "lantern", "living_room", "still_life"}
+MEDIA = {"dusty_room": 3, "milk": 24}
+"""Scenes with media, which are compared below, and the most segments of their paths there."""
+LONG = {"bathroom", "cabinet", "cafe", "classroom", "desk_lamp", "hall", "lantern", "living_room", "still_life", *MEDIA}
 """Furnished scenes, each with kernels of its own that take half a minute to compile; `workshop` is one in the slow tier."""
 WITHOUT_COUNTERPART = {
     "cornell_spheres": "refraction without Fresnel's equations",
@@ -150,6 +152,14 @@ def test_media_agree_with_the_reference(engine):
     shader = {"name": "volumetric_path_tracer", "max_depth": 5, "rr_depth": 3}
     theirs = _replicates(engine, _media(), shader, 1, 4)
     _assert_equivalent(theirs, _replicates(engines.engine("numpy"), _media(), shader, 2, 4))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "depth"), MEDIA.items())
+def test_shipped_scenes_with_media_agree_with_the_reference(name, depth):
+    shader = {"name": "volumetric_path_tracer", "max_depth": depth, "rr_depth": 64}
+    theirs = _replicates(SCALAR, _scene(name), shader, 1)
+    _assert_equivalent(theirs, _replicates(engines.engine("numpy"), _scene(name), shader, 2))
 
 
 def test_media_that_mitsuba_cannot_sample_are_declined():

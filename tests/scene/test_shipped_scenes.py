@@ -20,6 +20,7 @@ from engines.scene import (
     Plane,
     PointLight,
     Sphere,
+    SpotLight,
     Triangle,
 )
 from engines.scene.files import scene_names
@@ -46,7 +47,8 @@ def test_the_gallery_shows_every_shipped_scene():
     pictures = SCENES.parent / "docs" / "pictures" / "gallery"
     shown = set(re.findall(r"pictures/gallery/(\w+\.\w+)", text))
     assert {file.name for file in pictures.iterdir()} == shown
-    assert {Path(name).stem for name in shown} == {*SHIPPED, "dahlquist_port"}
+    models = [file.stem for file in SCENES.glob("*.glb")]
+    assert {Path(name).stem for name in shown} == {*SHIPPED, *models, "dahlquist_port"}
     sizes = [file.stat().st_size for file in pictures.iterdir()]
     assert max(sizes) < 1_000_000 and sum(sizes) < 6_000_000
 
@@ -56,6 +58,21 @@ def test_textures_are_small_and_each_has_a_function_that_draws_it():
     drawn = re.findall(r"^def (\w+)\(\):", (SCENES / "textures" / "make.py").read_text(), re.M)
     assert sum(file.stat().st_size for file in files) < 3_000_000
     assert {file.stem for file in files if file.suffix != ".py"} == set(drawn)
+
+
+def test_the_watch_is_a_small_file_with_its_own_camera_and_lamps():
+    file = SCENES / "watch.glb"
+    scene = engines.load_scene(file)
+    assert file.stat().st_size < 300_000
+    assert all("clear coat" in text or "between its cones" in text for text in scene.warnings)
+    assert isinstance(scene.camera, Perspective) and [type(light) for light in scene.lights] == [SpotLight]
+    assert sum(material.emits for material in scene.materials) == 3
+
+
+@pytest.mark.parametrize("name", ["dusty_room", "milk"])
+def test_scenes_with_media_bound_them(name):
+    scene = engines.load_scene(name)
+    assert len(scene.media) == 1 and any(shape.interior != shape.exterior for shape in scene.shapes)
 
 
 def test_the_living_room_has_the_triangles_and_materials_of_a_furnished_room():
