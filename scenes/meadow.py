@@ -1,4 +1,4 @@
-"""Writes scenes/meadow.yaml, which shows a few groups of grass, flowers and trees again and again: python scenes/make_meadow.py
+"""Writes scenes/meadow.yaml, which shows a few groups of grass, flowers and trees again and again: python scenes/meadow.py
 
 Places are random, with fixed seeds: denser near the camera, and larger patches far from it.
 """
@@ -16,7 +16,7 @@ FILE = Path(__file__).with_name("meadow.yaml")
 GROUND = {"cells": 96, "size": 150.0, "height": 4.5, "roughness": 0.35, "seed": 5, "center": (0.0, -3.0, -55.0)}
 HEAD = """\
 # A meadow and trees under the sun and the sky of an image: 3,800,000 triangles of grass, flowers and leaves, instances
-# of ten groups that hold 19,000. Written by scenes/make_meadow.py. Made for raybench.
+# of ten groups that hold 19,000. Written by scenes/meadow.py. Made for raybench.
 raybench_scene: 1
 name: meadow
 camera: {{type: perspective, eye: {eye}, target: {target}, up: [0, 1, 0], fov: 36, resolution: [1280, 720]}}
