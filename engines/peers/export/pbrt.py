@@ -29,7 +29,7 @@ from engines.peers.mitsuba.shapes import SHAPES
 from engines.scene.bsdf_tree import textures
 from engines.scene.frames import facing
 from engines.scene.leaf_fields import is_rough
-from engines.scene.shapes import as_spheres
+from engines.scene.shapes import Single, as_spheres, singles
 from engines.scene.support import foreign
 
 PLANE_EXTENTS = 1e3
@@ -50,7 +50,7 @@ def write_pbrt(scene: model.Scene, path: Path, max_depth: int = 6, spp: int = 64
         lines += _light(light)
     for index, material in enumerate(scene.materials):
         lines += _material(f"material_{index}", material, beside)
-    for shape in scene.shapes:
+    for _, shape in singles(scene.shapes):
         lines += _shape(scene, shape, beside)
     path.write_text("\n".join(lines) + "\n")
 
@@ -233,7 +233,7 @@ def _named(name: str, kind: str, parameters: str) -> str:
     return f'MakeNamedMaterial "{name}" "string type" [ "{kind}" ] {parameters}'.rstrip()
 
 
-def _shape(scene: model.Scene, shape: model.Shape, beside: Beside) -> Iterator[str]:
+def _shape(scene: model.Scene, shape: Single, beside: Beside) -> Iterator[str]:
     if isinstance(shape, model.Plane):
         corners, faces = squares(shape, extent(scene) * PLANE_EXTENTS)
         indices = " ".join(map(str, faces.ravel()))
@@ -260,13 +260,13 @@ def _shape(scene: model.Scene, shape: model.Shape, beside: Beside) -> Iterator[s
             placed = with_uvs(piece) if scene.materials[piece.material].uses_uvs else piece._replace(uvs=None)
             file = beside.mesh(shape.name, placed.vertices, placed.faces, placed.normals, placed.uvs)
             yield from _dressed(scene, shape, piece.material, [f'Shape "plymesh" "string filename" [ "{file}" ]'])
-    elif not isinstance(shape, model.Instance) and (spheres := as_spheres(shape)) is not None:
+    elif (spheres := as_spheres(shape)) is not None:
         for center, radius in zip(spheres.centers, spheres.radii, strict=True):
             body = [f"Translate {numbers(center)}", f'Shape "sphere" "float radius" [ {float(radius)!r} ]']
             yield from _dressed(scene, shape, shape.material, body)
 
 
-def _dressed(scene: model.Scene, shape: model.Shape, index: int, body: list[str]) -> Iterator[str]:
+def _dressed(scene: model.Scene, shape: Single, index: int, body: list[str]) -> Iterator[str]:
     """A shape's `body` with the material `index`, light, and media."""
     material = scene.materials[index]
     yield "AttributeBegin"
