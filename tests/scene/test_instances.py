@@ -197,3 +197,25 @@ def test_the_copies_of_a_flattened_scene_are_bounded(monkeypatch):
     assert len(flattened(scene_from(keys(shapes=[instance()] * 2))).shapes) == 2
     with pytest.raises(SceneError, match="more than 2 triangles"):
         flattened(scene_from(keys(shapes=[instance()] * 3)))
+
+
+@pytest.mark.parametrize("shape", ["triangle", "mesh", "sphere", "disk"])
+def test_a_flattened_shape_has_the_media_of_the_shape_of_the_group(shape):
+    kinds = {"triangle": {"a": [0, 0, 0], "b": [1, 0, 0], "c": [0, 1, 0]}, "mesh": TRIANGLE, **BALL}
+    kinds["disk"] = {"center": [0, 0, 1], "normal": [0, 0, 1], "radius": 1}
+    group = [{shape: kinds[shape], "material": "grey", "interior": "fog", "exterior": "air"}]
+    media = {name: {"sigma_t": 1, "albedo": 0.5} for name in ("air", "fog")}
+    stretched = [[3, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]]
+    for copy in flattened(scene_from(keys({"balls": group}, [instance(), instance(stretched)], media=media))).shapes:
+        assert (copy.interior, copy.exterior) == (1, 0)
+
+
+def test_copies_beyond_the_limit_are_not_made():
+    many = {"spheres": {"centers": np.zeros((2000, 3)), "radii": [1] * 2000}, "material": "grey"}
+    scene = scene_from(keys({"balls": [many]}, [instance([[3, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]])]))
+    tracemalloc.start()
+    with pytest.raises(SceneError, match="more than 4,000,000 triangles"):
+        flattened(scene)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 20e6  # some GB with copies
