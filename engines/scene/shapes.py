@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -22,7 +23,8 @@ from engines.schema.keys import Given, Key, Record, Variants, by_name, list_of
 from engines.schema.kinds import DIRECTION, POINT, POSITIVE, ROWS, TEXT, ContextKind, Kind
 from engines.schema.yaml_file import Located, locate
 
-__all__ = ["Cylinder", "Disk", "Group", "Instance", "Plane", "Shape", "Single", "Sphere", "Triangle", "groups_of", "singles"]
+__all__ = ["Cylinder", "Disk", "Group", "Instance", "Plane", "Shape", "Single", "Sphere", "Triangle"]
+__all__ += ["groups_of", "shown", "singles"]
 
 Box = NDArray[np.float64]
 """(2, 3) lowest and highest coordinates."""
@@ -166,8 +168,8 @@ Single = Plane | Sphere | Disk | Cylinder | Triangle | Mesh | SphereSet
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Group:
-    """Shapes in coordinates of their own, which instances show: at least one, none of them a plane or an instance, and none
-    emits. Raises `SceneError` for other shapes."""
+    """Shapes in coordinates of their own, which instances show. At least one, and none of them a plane, an instance or an empty
+    mesh, for which it raises `SceneError`. None emits, which readers and engines check: only they know the materials."""
 
     name: str
     shapes: tuple[Single, ...]
@@ -226,6 +228,14 @@ def singles(shapes: Iterable[Shape]) -> list[tuple[str, Single]]:
     for where, members in (("shapes", listed), *((f"groups.{group.name}", group.shapes) for group in groups_of(listed))):
         found += [(f"{where}[{index}]", shape) for index, shape in enumerate(members) if not isinstance(shape, Instance)]
     return found
+
+
+def shown(shapes: Iterable[Shape]) -> list[tuple[Single, int]]:
+    """Each shape that is no instance, and how many times the scene shows it; those of groups once."""
+    listed = list(shapes)
+    times = Counter(id(shape.group) for shape in listed if isinstance(shape, Instance))
+    members = [(member, times[id(group)]) for group in groups_of(listed) for member in group.shapes]
+    return [*((shape, 1) for shape in listed if not isinstance(shape, Instance)), *members]
 
 
 def materials_of(shape: Single) -> list[int]:

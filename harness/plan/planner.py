@@ -19,7 +19,7 @@ from engines.choices import Choice
 from engines.errors import ConfigError, suggestion
 from engines.film import BYTES_A_PIXEL as FILM_BYTES
 from engines.registry import is_file
-from engines.scene import Instance, Scene, Shape, groups_of
+from engines.scene import Scene, Single, shown
 from harness.config import SCHEMA_VERSION, Experiment
 from harness.config.experiment import FEWEST_TWINS, PREFERRED_BASELINES
 from harness.config.filters import Filter
@@ -280,11 +280,10 @@ def _cell(
 
 def primitive_count(scene: Scene) -> int:
     """Triangles, spheres and other shapes that rays can hit; an instance has those of its group."""
-    of_groups = {id(group): sum(map(_primitives, group.shapes)) for group in groups_of(scene.shapes)}
-    return sum(of_groups[id(shape.group)] if isinstance(shape, Instance) else _primitives(shape) for shape in scene.shapes)
+    return sum(times * _primitives(shape) for shape, times in shown(scene.shapes))
 
 
-def _primitives(shape: Shape) -> int:
+def _primitives(shape: Single) -> int:
     part = getattr(shape, "faces", getattr(shape, "radii", None))
     return 1 if part is None else len(part)
 
