@@ -1,5 +1,8 @@
 """Instances in the compiled engines: what the engine numpy finds, which is held against the flattened scene."""
 
+import gc
+import time
+import weakref
 from functools import partial
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
@@ -8,9 +11,12 @@ import numpy as np
 import pytest
 
 from engines import Settings, engine
+from engines.embree.library import Device
 from engines.errors import Unsupported
 from engines.kernels.rows import InstanceRow
+from engines.numba_cpu.accel.choice import Counts, counts_of
 from engines.scene import flattened
+from harness.plan.planner import primitive_count
 
 _SPEC = spec_from_file_location("instances_of_numpy", Path(__file__).parents[1] / "numpy_reference/test_instances.py")
 assert _SPEC is not None and _SPEC.loader is not None
@@ -76,6 +82,27 @@ def test_accelerators_without_instances_decline_them_in_one_line(accelerator):
 
 def test_a_row_of_an_instance_has_at_most_256_bytes():
     assert InstanceRow.size * np.dtype(InstanceRow.dtype).itemsize <= 256
+
+
+def test_counts_of_shapes_look_at_each_group_once():
+    scene = made([TRIANGLE] * 1000 + [*ROUND], [np.eye(3, 4)] * 2000, before=[TRIANGLE, PLANE])
+    started = time.process_time()
+    assert counts_of(scene) == Counts(2_000_001, 3 * 2000, 2 * 2000)
+    assert primitive_count(scene) == 2_000_001 + 1 + 5 * 2000
+    assert time.process_time() - started < 0.1
+
+
+def test_embrees_memory_is_freed_with_the_renderer_without_the_cyclic_collector():
+    others = {id(found) for found in gc.get_objects() if isinstance(found, Device)}
+    held = renderer(made([TRIANGLE], [np.eye(3, 4)]), "embree")
+    devices = [weakref.ref(found) for found in gc.get_objects() if isinstance(found, Device) and id(found) not in others]
+    assert devices
+    gc.disable()
+    try:
+        del held
+        assert not any(device() for device in devices)
+    finally:
+        gc.enable()
 
 
 @pytest.mark.parametrize("accelerator", ["bvh", "embree"])
