@@ -19,7 +19,18 @@ from engines.scene.geometry import unit_rows
 from engines.scene.materials import Material
 from engines.scene.mesh import Mesh, SphereSet, read_only_mesh
 from engines.scene.scene import Scene
-from engines.scene.shapes import Cylinder, Disk, Instance, Shape, Single, Sphere, as_mesh, as_spheres, materials_of
+from engines.scene.shapes import (
+    Cylinder,
+    Disk,
+    Instance,
+    Shape,
+    Single,
+    Sphere,
+    as_mesh,
+    as_spheres,
+    materials_of,
+    primitives_of,
+)
 from engines.scene.triple import triple
 
 __all__ = ["flattened"]
@@ -49,17 +60,12 @@ def flattened(scene: Scene) -> Scene:
             continue
         for member in shape.group.shapes:
             in_triangles = _in_triangles(member, shape.matrix, scene.materials)
-            copied += _primitives(member) * (len(_unit(type(member)).faces) if in_triangles else 1)
+            copied += primitives_of(member) * (len(_unit(type(member)).faces) if in_triangles else 1)
             if copied > MAX_COPIED:
                 raise SceneError(f"copies of instances have more than {MAX_COPIED:,} triangles and other primitives in all")
             shapes.append((_triangles if in_triangles else _copy)(member, shape.matrix, scene.materials))
     made = content_hash(scene.camera, scene.materials, shapes, scene.lights, scene.media)
     return replace(scene, shapes=tuple(shapes), content_hash=made)
-
-
-def _primitives(shape: Single) -> int:
-    """Triangles, spheres and others that a shape is made of."""
-    return len(shape.faces) if isinstance(shape, Mesh) else len(shape.radii) if isinstance(shape, SphereSet) else 1
 
 
 def _scale(linear: NDArray[np.float64]) -> float | None:

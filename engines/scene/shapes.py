@@ -24,7 +24,7 @@ from engines.schema.kinds import DIRECTION, POINT, POSITIVE, ROWS, TEXT, Context
 from engines.schema.yaml_file import Located, locate
 
 __all__ = ["Cylinder", "Disk", "Group", "Instance", "Plane", "Shape", "Single", "Sphere", "Triangle"]
-__all__ += ["groups_of", "shown", "singles"]
+__all__ += ["counted", "groups_of", "primitives_of", "singles"]
 
 Box = NDArray[np.float64]
 """(2, 3) lowest and highest coordinates."""
@@ -230,7 +230,7 @@ def singles(shapes: Iterable[Shape]) -> list[tuple[str, Single]]:
     return found
 
 
-def shown(shapes: Iterable[Shape]) -> list[tuple[Single, int]]:
+def counted(shapes: Iterable[Shape]) -> list[tuple[Single, int]]:
     """Each shape that is no instance, and how many times the scene shows it; those of groups once."""
     listed = list(shapes)
     times = Counter(id(shape.group) for shape in listed if isinstance(shape, Instance))
@@ -241,6 +241,11 @@ def shown(shapes: Iterable[Shape]) -> list[tuple[Single, int]]:
 def materials_of(shape: Single) -> list[int]:
     """The indices of the materials of a shape, each once."""
     return np.unique(shape.materials).tolist() if isinstance(shape, Mesh) else [shape.material]
+
+
+def primitives_of(shape: Single) -> int:
+    """Triangles, spheres and others that a shape is made of."""
+    return len(shape.faces) if isinstance(shape, Mesh) else len(shape.radii) if isinstance(shape, SphereSet) else 1
 
 
 def as_mesh(shape: Shape) -> Mesh | None:

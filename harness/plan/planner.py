@@ -19,7 +19,7 @@ from engines.choices import Choice
 from engines.errors import ConfigError, suggestion
 from engines.film import BYTES_A_PIXEL as FILM_BYTES
 from engines.registry import is_file
-from engines.scene import Scene, Single, shown
+from engines.scene import Scene, counted, primitives_of
 from harness.config import SCHEMA_VERSION, Experiment
 from harness.config.experiment import FEWEST_TWINS, PREFERRED_BASELINES
 from harness.config.filters import Filter
@@ -67,7 +67,7 @@ def make(
         cells += [replace(cell, order=len(cells) + index) for index, cell in enumerate(members)]
     unique = {cell.cell_id: cell for cell in reversed(cells)}
     cells = [cell for cell in cells if unique[cell.cell_id] is cell]
-    warned = [f"{shown(Path(file.path))}: {text}" for file, scene in known.scenes.items() for text in scene.warnings]
+    warned = [f"{counted(Path(file.path))}: {text}" for file, scene in known.scenes.items() for text in scene.warnings]
     _baseline_exists(experiment, configurations)
     _pairs_exist(experiment, configurations)
     compared = dict.fromkeys(combination.engine for combination in experiment.combinations)
@@ -280,12 +280,7 @@ def _cell(
 
 def primitive_count(scene: Scene) -> int:
     """Triangles, spheres and other shapes that rays can hit; an instance has those of its group."""
-    return sum(times * _primitives(shape) for shape, times in shown(scene.shapes))
-
-
-def _primitives(shape: Single) -> int:
-    part = getattr(shape, "faces", getattr(shape, "radii", None))
-    return 1 if part is None else len(part)
+    return sum(times * primitives_of(shape) for shape, times in counted(scene.shapes))
 
 
 def _with_aa_twins(experiment: Experiment, configurations: list[Cell]) -> list[Cell]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from engines.scene import Mesh, Plane, Scene, Sphere, SphereSet, Triangle, shown
+from engines.scene import Mesh, Plane, Scene, Sphere, SphereSet, Triangle, counted
 
 
 class Counts(NamedTuple):
@@ -45,7 +45,7 @@ COSTS = {
 def counts_of(scene: Scene) -> Counts:
     """How many primitives of each kind the scene shows."""
     triangles = spheres = analytic = 0
-    for shape, times in shown(scene.shapes):
+    for shape, times in counted(scene.shapes):
         if isinstance(shape, (Mesh, Triangle)):
             triangles += times * (len(shape.faces) if isinstance(shape, Mesh) else 1)
         elif isinstance(shape, (Sphere, SphereSet)):
