@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from engines import Settings, engine, load_scene, save_scene, scene_from
-from engines.errors import SceneError
+from engines.errors import ConfigError, SceneError
 from engines.scene import Cylinder, Disk, Instance, Mesh, Sphere, flattened, groups_of
 from engines.scene.light_bounds import light_bounds
 
@@ -127,6 +127,19 @@ def test_a_saved_scene_has_its_groups_and_the_same_hash(tmp_path):
     assert loaded.content_hash == given.content_hash
     assert [type(shape) for shape in loaded.shapes] == [type(shape) for shape in given.shapes]
     assert len(groups_of(loaded.shapes)) == 2 and len(list(tmp_path.glob("meshes/*"))) == 1
+
+
+@pytest.mark.parametrize("count", [40, 60])
+def test_what_is_saved_is_read_again_and_more_instances_than_a_file_holds_are_refused(count, tmp_path, monkeypatch):
+    """Each is 22 values and keys."""
+    monkeypatch.setattr("engines.schema.strict_yaml.MAX_NODES", 1000)
+    scene = scene_from(keys(shapes=[instance()] * count))
+    if count == 40:
+        assert load_scene(save_scene(scene, tmp_path)).content_hash == scene.content_hash
+        return
+    with pytest.raises(ConfigError, match=r"scene.yaml: 1,3\d\d values and keys, of at most 1,000 that are read of a file"):
+        save_scene(scene, tmp_path)
+    assert not list(tmp_path.glob("*.yaml"))
 
 
 def test_the_hash_knows_matrices_and_what_groups_hold_but_no_names():
