@@ -17,7 +17,7 @@ from engines.scene.content import content_hash
 from engines.scene.frames import facing
 from engines.scene.geometry import unit_rows
 from engines.scene.materials import Material
-from engines.scene.mesh import Mesh, SphereSet, read_only_mesh
+from engines.scene.mesh import Mesh, read_only_mesh
 from engines.scene.scene import Scene
 from engines.scene.shapes import (
     Cylinder,

@@ -67,7 +67,7 @@ def make(
         cells += [replace(cell, order=len(cells) + index) for index, cell in enumerate(members)]
     unique = {cell.cell_id: cell for cell in reversed(cells)}
     cells = [cell for cell in cells if unique[cell.cell_id] is cell]
-    warned = [f"{counted(Path(file.path))}: {text}" for file, scene in known.scenes.items() for text in scene.warnings]
+    warned = [f"{shown(Path(file.path))}: {text}" for file, scene in known.scenes.items() for text in scene.warnings]
     _baseline_exists(experiment, configurations)
     _pairs_exist(experiment, configurations)
     compared = dict.fromkeys(combination.engine for combination in experiment.combinations)
