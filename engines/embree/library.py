@@ -161,9 +161,7 @@ class Device:
         self._embree.rtcSetGeometryTransform(geometry, 0, _ROWS, np.ascontiguousarray(matrix, np.float32).ctypes.data)
         return geometry
 
-    def scene(
-        self, geometries: Mapping[int, int], user_data: int, quality: str, robust: bool, in_threads: bool = True
-    ) -> int:
+    def scene(self, geometries: Mapping[int, int], user_data: int, quality: str, robust: bool, in_threads: bool = True) -> int:
         """Builds a tree over geometries (number -> geometry), which are given up to it, in this thread or in all of the device;
         returns the scene's handle. Raises `Unsupported` when Embree reports an error."""
         scene = self._embree.rtcNewScene(self._device)

@@ -97,7 +97,7 @@ def test_embree_misses_no_silhouette_of_a_small_group_far_from_the_origin(kind):
     along = rng.uniform(-0.9, 0.9, 4000) if kind in ("cylinder", "triangle") else np.zeros(4000)
     inside = rng.uniform(1e-6, 2e-5, along.size)
     targets = place + 0.1 * np.stack([along, inside - 1, 0 * along], axis=1)
-    origins, down = targets + [0, 0, 800.0], np.tile([0.0, 0, -1], (len(targets), 1))
+    origins, down = targets + np.array([0, 0, 800.0]), np.tile([0.0, 0, -1], (len(targets), 1))
     wanted = of_numpy.renderer(scene).trace(origins, down)
     found = renderer(scene, WATERTIGHT, "float64").trace(origins, down)
     assert (wanted.shape == 2).mean() > 0.9 and np.array_equal(found.shape, wanted.shape)
