@@ -95,11 +95,6 @@ def test_a_plugin_without_the_half_of_an_engine_is_declined(name, wanted, part, 
     assert _reason(engines.engine(name), _scene(part(_plugin(**half)))) == wanted.format(what)
 
 
-def test_pbrt_has_no_media(tmp_path):
-    with pytest.raises(Unsupported, match="medium 'fog': pbrt does not support the medium HomogeneousMedium"):
-        export(_scene(PARTS["medium"]), "pbrt", tmp_path)
-
-
 @pytest.mark.parametrize(("part", "what"), [(_light, "light"), (_bsdf, "BSDF")])
 def test_other_renderers_have_no_plugins(part, what, tmp_path):
     scene = _scene(part(_plugin(jitted=_function, numpy=_function)))

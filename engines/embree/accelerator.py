@@ -62,7 +62,8 @@ FEW, MANY = 4096, 65536
 """Up to FEW primitives a tree is built by one thread, as another takes long to wake; up to MANY all rays go in
 packets."""
 BOX_PADDING = 1e-6
-"""Boxes of what is solved in float64 are padded by this share of the scene: so far a ray may be off in float32."""
+"""Boxes of what is solved in float64 are padded by this share of the scene: so far a ray may be off in float32. In a group it
+may be off by as much of the scene, in the group's coordinates."""
 
 
 class Accelerator:
@@ -87,12 +88,14 @@ class Accelerator:
         flat.bind(EmbreeTable.occluded, address(f"rtcOccluded{rays}"))
         parts = [flat, *(flat.part(number) for number in range(1, len(flat.begins) - 1))]
         scaling = _scaling(flat)
-        for part in parts:
+        for part, error in zip(parts, [0.0, *_errors(flat, len(parts) - 1)], strict=True):
             own = _scaling(part)
+            own[2] = max(own[2], error)
             part.bind(EmbreeTable.scaling, np.append(own, scaling[0]))
+            part.bind(EmbreeTable.whole, flat.address)
         flat.owned += parts[1:]
         flat.bind(EmbreeTable.begins, np.array([begin[1:4] for begin in flat.begins[1:-1]], np.int32))
-        primitives = sum(len(flat.arrays[field]) for field in (SceneTable.triangles, SceneTable.spheres, SceneTable.analytic))
+        primitives = _primitives(flat)
         flat.bind(EmbreeTable.one_by_one, int(primitives > MANY))
         device = Device(threads if primitives > FEW else 1)
         flat.owned.append(device)
@@ -108,12 +111,19 @@ class Accelerator:
         """The handle of an RTCScene of what is outside of groups, the first of the parts, and of the instances; of triangles
         that are solved in float64 with `exact`."""
         flat = parts[0].part(0)
-        groups = [device.scene(_geometries(device, part, exact), part.address, quality, robust) for part in parts[1:]]
+        groups = [
+            device.scene(_geometries(device, part, exact), part.address, quality, robust, _primitives(part) > FEW)
+            for part in parts[1:]
+        ]
         shown = {INSTANCES + i: device.instance(groups[group], matrix) for i, (group, matrix) in enumerate(_matrices(parts))}
         return device.scene(_geometries(device, flat, exact) | shown, parts[0].address, quality, robust)
 
     def stages(self, features: SceneFeatures, real: Any) -> tuple[Any, Any]:
         return stages(Variant(*_shapes(features), features.instances, self._refine, self._exact, packet_width()), real)
+
+
+def _primitives(part: FlatScene) -> int:
+    return sum(len(part.arrays[field]) for field in (SceneTable.triangles, SceneTable.spheres, SceneTable.analytic))
 
 
 def _user_geometry(device: Device, flat: FlatScene, geometry: int, count: int) -> int:
@@ -137,6 +147,19 @@ def _geometries(device: Device, part: FlatScene, exact: bool) -> dict[int, int]:
     return made
 
 
+def _errors(flat: FlatScene, groups: int) -> NDArray[np.float64]:
+    """(groups,) by how much rays may be off in each, in its own unit: the numbers that make up a place are as large as the
+    scene and where the group's origin comes to lie."""
+    errors = np.zeros(groups)
+    if groups:
+        rows, fields = flat.arrays[SceneTable.instances], InstanceRow.fields
+        inverse = rows[:, fields["in_x"].first : fields["in_x"].first + 9].reshape(-1, 3, 3)
+        group, moved = rows[:, fields["group"].first].astype(np.int64), rows[:, fields["moved"].first :][:, :3]
+        size = _size(flat) + np.abs(moved).max(axis=1)
+        np.maximum.at(errors, group, size * np.abs(inverse).sum(axis=2).max(axis=1) * BOX_PADDING)
+    return errors
+
+
 def _matrices(parts: list[FlatScene]) -> Iterator[tuple[int, NDArray[np.float64]]]:
     """The group of each instance, and its matrix (3, 4) between scaled coordinates."""
     scales = [part.arrays[EmbreeTable.scaling][0] for part in parts]
@@ -147,9 +170,14 @@ def _matrices(parts: list[FlatScene]) -> Iterator[tuple[int, NDArray[np.float64]
         yield group, np.column_stack([linear, placed["moved"] * scales[0]])
 
 
+def _size(flat: FlatScene) -> float:
+    """The largest coordinate."""
+    return float(np.abs(flat.bounds - flat.center).max(initial=0.0, where=np.isfinite(flat.bounds)))
+
+
 def _scaling(flat: FlatScene) -> NDArray[np.float64]:
     """(3,): see `ScaleRow`."""
-    size = float(np.abs(flat.bounds - flat.center).max(initial=0.0, where=np.isfinite(flat.bounds)))
+    size = _size(flat)
     scale = 2.0 ** -np.clip(np.round(np.log2(size)), -100, 100) if size > 0 else 1.0
     return np.array([scale, 1.0 / scale, size * BOX_PADDING])
 
@@ -355,9 +383,9 @@ def _store_shadows(rays, scene, embree, memory, variant, real):
         hidden = numbers[first_word(lane, variant.width) + T_FAR * variant.width] == np.float32(-np.inf)
         unconfirmed = False
         if variant.refine and variant.triangles:
-            face = np.int64(words[CANDIDATE + np.int64(lane)])
-            instance = _instance(memory, CANDIDATE_INSTANCE + np.int64(lane), variant)
-            if variant.instances and face >= 0:
+            face, instance = np.int64(words[CANDIDATE + np.int64(lane)]), np.int64(-1)
+            if variant.instances and face >= 0:  # else what was written there is of another batch
+                instance = _instance(memory, CANDIDATE_INSTANCE + np.int64(lane), variant)
                 face += _begin(scene, embree, instance, TRIANGLES)
             confirmed, _ = _confirmed(shadow_rays(rays), rays, scene, lane, face, np.int32(-2), instance, variant, real)
             unconfirmed = hidden & (face >= 0) & (not confirmed)

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from engines.embree.geometries import INSTANCES, bounds_and_distance
+from engines.embree.geometries import INSTANCES, SPHERES, TRIANGLES, bounds_and_distance
 from engines.embree.packet import (
     BATCH_OF_CONTEXT,
     CANDIDATE,
@@ -95,12 +95,35 @@ def _make_bounds(bounds_of: Any, real: Any) -> Any:
 
 
 @inline
-def _wins_tie(numbers, words, n, i, t, geometry, primitive, instance):
-    """Whether a hit is as near as the one found, of the same kind and of lower index, or of an instance before its: Embree
-    calls back in any order."""
-    found = words[INST_ID * n + i]
-    same = words[GEOM_ID * n + i] == geometry and primitive < np.int64(words[PRIM_ID * n + i]) and instance == found
-    return (same or instance < found) and t == numbers[T_FAR * n + i]
+def _id_of(scene, geometry, index):
+    """The id of a primitive outside of groups."""
+    if geometry == TRIANGLES:
+        return scene.triangle_primitives[index]
+    return scene.sphere_primitives[index] if geometry == SPHERES else scene.analytic_primitives[index]
+
+
+@inline
+def _is_before(scene, geometry, primitive, instance, other_geometry, other, other_instance):
+    """Whether a hit is of a shape before that of another: of the same kind and of lower index, or of an instance before that of
+    the other. `scene` is the whole one; instances are geometries, -1 outside of groups."""
+    if instance == other_instance:
+        return geometry == other_geometry and primitive < other
+    if instance < 0:
+        return _id_of(scene, geometry, primitive) < np.int64(scene.instances[np.int64(other_instance) - INSTANCES].behind)
+    if other_instance < 0:
+        return _id_of(scene, other_geometry, other) >= np.int64(scene.instances[np.int64(instance) - INSTANCES].behind)
+    return instance < other_instance
+
+
+@inline
+def _wins_tie(scene, numbers, words, n, i, t, geometry, primitive, instance, instances):
+    """Whether a hit is as near as the one found, and of a shape before it: Embree calls back in any order."""
+    if t != numbers[T_FAR * n + i] or words[GEOM_ID * n + i] < 0:
+        return False
+    found_geometry, found = words[GEOM_ID * n + i], np.int64(words[PRIM_ID * n + i])
+    if not instances:
+        return found_geometry == geometry and primitive < found
+    return _is_before(scene, geometry, primitive, instance, found_geometry, found, words[INST_ID * n + i])
 
 
 def _make_query(distance_of: Any, any_hit: bool, instances: bool, real: Any) -> Any:
@@ -114,7 +137,8 @@ def _make_query(distance_of: Any, any_hit: bool, instances: bool, real: Any) -> 
         rays = rays_of(batch)
         numbers, words = array_at(arguments.packet, np.float32), array_at(arguments.packet, np.int32)
         n, geometry = _lower_half(arguments.rays_and_geometry), np.int32(arguments.rays_and_geometry >> 32)
-        scale, instance = embree_table(arguments.scene, real).scaling[0].of_rays, np.int32(-1)
+        embree = embree_table(arguments.scene, real)
+        whole, scale, instance = scene_table(embree.whole, real), embree.scaling[0].of_rays, np.int32(-1)
         if instances:
             instance = np.int32(_lower_half(arguments.context[0]))
         for i in range(n):
@@ -133,7 +157,9 @@ def _make_query(distance_of: Any, any_hit: bool, instances: bool, real: Any) -> 
                 near = np.float32(t * scale)
                 if any_hit:
                     numbers[T_FAR * n + i] = np.float32(-np.inf)
-                elif near < numbers[T_FAR * n + i] or _wins_tie(numbers, words, n, i, near, geometry, primitive, instance):
+                elif near < numbers[T_FAR * n + i] or _wins_tie(
+                    whole, numbers, words, n, i, near, geometry, primitive, instance, instances
+                ):
                     numbers[T_FAR * n + i] = near
                     words[PRIM_ID * n + i] = np.int32(primitive)
                     words[GEOM_ID * n + i] = geometry

@@ -161,9 +161,9 @@ class Device:
         self._embree.rtcSetGeometryTransform(geometry, 0, _ROWS, np.ascontiguousarray(matrix, np.float32).ctypes.data)
         return geometry
 
-    def scene(self, geometries: Mapping[int, int], user_data: int, quality: str, robust: bool) -> int:
-        """Builds a tree over geometries (number -> geometry), which are given up to it; returns the scene's handle.
-        Raises `Unsupported` when Embree reports an error."""
+    def scene(self, geometries: Mapping[int, int], user_data: int, quality: str, robust: bool, in_threads: bool = True) -> int:
+        """Builds a tree over geometries (number -> geometry), which are given up to it, in this thread or in all of the device;
+        returns the scene's handle. Raises `Unsupported` when Embree reports an error."""
         scene = self._embree.rtcNewScene(self._device)
         self._scenes.append(scene)
         self._embree.rtcSetSceneFlags(scene, _FILTER_IN_ARGUMENTS | (_ROBUST if robust else 0))
@@ -173,8 +173,11 @@ class Device:
             self._embree.rtcCommitGeometry(geometry)
             self._embree.rtcAttachGeometryByID(scene, geometry, number)
             self._embree.rtcReleaseGeometry(geometry)
-        with ThreadPoolExecutor(self._threads) as pool:
-            list(pool.map(self._embree.rtcJoinCommitScene, [scene] * self._threads))
+        if in_threads and self._threads > 1:
+            with ThreadPoolExecutor(self._threads) as pool:
+                list(pool.map(self._embree.rtcJoinCommitScene, [scene] * self._threads))
+        else:
+            self._embree.rtcJoinCommitScene(scene)
         error = self._embree.rtcGetDeviceError(self._device)
         if error:
             raise Unsupported(f"Embree cannot build this scene (error {error})")

@@ -38,6 +38,7 @@ class EmbreeTable(Table, first=ACCELERATOR):
     filter = scalar()  # address of `callbacks.hit_filter`
     scaling = rows(ScaleRow)  # one
     one_by_one = scalar()  # 1 where closest hits of incoherent rays are found ray by ray
+    whole = scalar()  # address of the scene's table, in that of a group too
     begins = array(np.int32)  # of each group: its first triangle, sphere and analytic shape among the scene's
 
 

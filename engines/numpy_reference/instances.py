@@ -55,9 +55,11 @@ class Instances:
         return unit(_times(self._inverse.take(instance, axis=2).transpose(1, 0, 2), normal))
 
     def reach(self, instance: Indices, point: Array, radius: Array | float) -> Array:
-        """(n,) metres: the largest numbers that make up the world's coordinates of points (3, n) of round shapes."""
-        linear, moved = np.abs(self._linear.take(instance, axis=2)), np.abs(self._moved.take(instance, axis=1))
-        return (_times(linear, np.abs(point) + radius) + moved).max(axis=0)
+        """(n,) metres: the largest numbers that make up the world's coordinates of points (3, n) of round shapes, on the way to
+        the group and back: rounding errors grow where the matrix is ill-conditioned."""
+        linear, inverse = (np.abs(each.take(instance, axis=2)) for each in (self._linear, self._inverse))
+        place = _times(linear, np.abs(point) + radius) + np.abs(self._moved.take(instance, axis=1))
+        return np.maximum(place, _times(linear, _times(inverse, place))).max(axis=0)
 
 
 def _times(matrix: Array, vector: Array) -> Array:

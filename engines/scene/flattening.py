@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -16,9 +17,20 @@ from engines.scene.content import content_hash
 from engines.scene.frames import facing
 from engines.scene.geometry import unit_rows
 from engines.scene.materials import Material
-from engines.scene.mesh import Mesh, SphereSet, read_only_mesh
+from engines.scene.mesh import Mesh, read_only_mesh
 from engines.scene.scene import Scene
-from engines.scene.shapes import Cylinder, Disk, Instance, Shape, Single, Sphere, as_mesh, as_spheres, materials_of
+from engines.scene.shapes import (
+    Cylinder,
+    Disk,
+    Instance,
+    Shape,
+    Single,
+    Sphere,
+    as_mesh,
+    as_spheres,
+    materials_of,
+    primitives_of,
+)
 from engines.scene.triple import triple
 
 __all__ = ["flattened"]
@@ -47,31 +59,37 @@ def flattened(scene: Scene) -> Scene:
             shapes.append(shape)
             continue
         for member in shape.group.shapes:
-            shapes.append(_copy(member, shape.matrix, scene.materials))
-            copied += primitives(shapes[-1])
+            in_triangles = _in_triangles(member, shape.matrix, scene.materials)
+            copied += primitives_of(member) * (len(_unit(type(member)).faces) if in_triangles else 1)
             if copied > MAX_COPIED:
                 raise SceneError(f"copies of instances have more than {MAX_COPIED:,} triangles and other primitives in all")
+            shapes.append((_triangles if in_triangles else _copy)(member, shape.matrix, scene.materials))
     made = content_hash(scene.camera, scene.materials, shapes, scene.lights, scene.media)
     return replace(scene, shapes=tuple(shapes), content_hash=made)
 
 
-def primitives(shape: Shape) -> int:
-    """Triangles, spheres and others that a shape is made of; an instance has those of its group."""
-    if isinstance(shape, Instance):
-        return sum(map(primitives, shape.group.shapes))
-    return len(shape.faces) if isinstance(shape, Mesh) else len(shape.radii) if isinstance(shape, SphereSet) else 1
+def _scale(linear: NDArray[np.float64]) -> float | None:
+    """How many times as large it makes round shapes; None where they do not stay round."""
+    from engines.scene.mitsuba_xml.transforms import similarity  # readers of XML are loaded where they are needed
+
+    return similarity(linear)
+
+
+def _in_triangles(shape: Single, matrix: NDArray[np.float64], materials: Sequence[Material]) -> bool:
+    """Whether the copy of a round shape under a `matrix` (3, 4) is a mesh."""
+    if as_mesh(shape) is not None:
+        return False
+    scale, linear = _scale(matrix[:, :3]), matrix[:, :3]
+    turned = scale is None or not np.array_equal(linear, scale * np.eye(3))
+    return scale is None or (turned and any(materials[index].uses_uvs for index in materials_of(shape)))
 
 
 def _copy(shape: Single, matrix: NDArray[np.float64], materials: Sequence[Material]) -> Single:
-    """The shape as an instance with this `matrix` (3, 4) shows it."""
+    """The shape as an instance with this `matrix` (3, 4) shows it, which keeps round shapes round."""
     if (mesh := as_mesh(shape)) is not None:
-        return _mesh(mesh, matrix, materials)
-    from engines.scene.mitsuba_xml.transforms import similarity  # readers of XML are loaded where they are needed
-
-    scale, linear = similarity(matrix[:, :3]), matrix[:, :3]
-    turned = scale is None or not np.array_equal(linear, scale * np.eye(3))
-    if scale is None or (turned and any(materials[index].uses_uvs for index in materials_of(shape))):
-        return _triangles(shape, matrix)
+        return _with_media(_mesh(mesh, matrix, materials), shape)
+    scale = _scale(matrix[:, :3])
+    assert scale is not None
     if (spheres := as_spheres(shape)) is not None:
         centers = _points(matrix, spheres.centers)
         if isinstance(shape, Sphere):
@@ -85,18 +103,26 @@ def _copy(shape: Single, matrix: NDArray[np.float64], materials: Sequence[Materi
     return replace(shape, p0=triple(p0), p1=triple(p1), radius=shape.radius * scale)
 
 
-def _triangles(shape: Single, matrix: NDArray[np.float64]) -> Mesh:
+@cache
+def _unit(kind: type) -> tessellate.Triangles:
+    """What a round shape of a kind is made of: the unit sphere, disk or cylinder."""
+    if kind is Disk:
+        return tessellate.disk(SEGMENTS, DISK_RINGS)
+    return tessellate.cylinder(SEGMENTS) if kind is Cylinder else tessellate.sphere(SEGMENTS, RINGS)
+
+
+def _triangles(shape: Single, matrix: NDArray[np.float64], _: Sequence[Material]) -> Mesh:
     """A mesh of a round shape."""
+    unit = _unit(type(shape))
     if (spheres := as_spheres(shape)) is not None:
-        unit = tessellate.sphere(SEGMENTS, RINGS)
         local = [np.column_stack([r * np.eye(3), center]) for center, r in zip(spheres.centers, spheres.radii, strict=True)]
     elif isinstance(shape, Disk):
-        unit, local = tessellate.disk(SEGMENTS, DISK_RINGS), [facing(shape.center, shape.normal, shape.radius)[:3]]
+        local = [facing(shape.center, shape.normal, shape.radius)[:3]]
     else:
         assert isinstance(shape, Cylinder), "meshes stay meshes, and planes are in no group"
         way = np.subtract(shape.p1, shape.p0)
         length = float(np.linalg.norm(way))
-        unit, local = tessellate.cylinder(SEGMENTS), [facing(shape.p0, way / length, shape.radius, length)[:3]]
+        local = [facing(shape.p0, way / length, shape.radius, length)[:3]]
     world = [np.column_stack([matrix[:, :3] @ each[:, :3], _points(matrix, each[None, :, 3])[0]]) for each in local]
     parts = [_placed(each, unit.vertices, unit.faces, unit.normals) for each in world]
     vertices = np.concatenate([part[0] for part in parts])
@@ -116,7 +142,7 @@ def _mesh(mesh: Mesh, matrix: NDArray[np.float64], materials: Sequence[Material]
         attributes, uvs = of_elements(attributes, corners, slice(None)), np.tile(CORNERS, (len(faces), 1))
         faces = np.arange(len(corners), dtype=np.int32).reshape(-1, 3)
     vertices, faces, normals = _placed(matrix, vertices, faces, normals)
-    return _with_media(read_only_mesh(vertices, faces, mesh.materials, normals, mesh.name, uvs, attributes), mesh)
+    return read_only_mesh(vertices, faces, mesh.materials, normals, mesh.name, uvs, attributes)
 
 
 def _with_media(mesh: Mesh, shape: Single) -> Mesh:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -22,7 +23,8 @@ from engines.schema.keys import Given, Key, Record, Variants, by_name, list_of
 from engines.schema.kinds import DIRECTION, POINT, POSITIVE, ROWS, TEXT, ContextKind, Kind
 from engines.schema.yaml_file import Located, locate
 
-__all__ = ["Cylinder", "Disk", "Group", "Instance", "Plane", "Shape", "Single", "Sphere", "Triangle", "groups_of", "singles"]
+__all__ = ["Cylinder", "Disk", "Group", "Instance", "Plane", "Shape", "Single", "Sphere", "Triangle"]
+__all__ += ["counted", "groups_of", "primitives_of", "singles"]
 
 Box = NDArray[np.float64]
 """(2, 3) lowest and highest coordinates."""
@@ -166,8 +168,8 @@ Single = Plane | Sphere | Disk | Cylinder | Triangle | Mesh | SphereSet
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Group:
-    """Shapes in coordinates of their own, which instances show: at least one, none of them a plane or an instance, and none
-    emits. Raises `SceneError` for other shapes."""
+    """Shapes in coordinates of their own, which instances show. At least one, and none of them a plane, an instance or an empty
+    mesh, for which it raises `SceneError`. None emits, which readers and engines check: only they know the materials."""
 
     name: str
     shapes: tuple[Single, ...]
@@ -228,9 +230,22 @@ def singles(shapes: Iterable[Shape]) -> list[tuple[str, Single]]:
     return found
 
 
+def counted(shapes: Iterable[Shape]) -> list[tuple[Single, int]]:
+    """Each shape that is no instance, and how many times the scene shows it; those of groups once."""
+    listed = list(shapes)
+    times = Counter(id(shape.group) for shape in listed if isinstance(shape, Instance))
+    members = [(member, times[id(group)]) for group in groups_of(listed) for member in group.shapes]
+    return [*((shape, 1) for shape in listed if not isinstance(shape, Instance)), *members]
+
+
 def materials_of(shape: Single) -> list[int]:
     """The indices of the materials of a shape, each once."""
     return np.unique(shape.materials).tolist() if isinstance(shape, Mesh) else [shape.material]
+
+
+def primitives_of(shape: Single) -> int:
+    """Triangles, spheres and others that a shape is made of."""
+    return len(shape.faces) if isinstance(shape, Mesh) else len(shape.radii) if isinstance(shape, SphereSet) else 1
 
 
 def as_mesh(shape: Shape) -> Mesh | None:

@@ -50,8 +50,8 @@ def save_scene(scene: Scene, folder: str | PathLike[str]) -> Path:
     Meshes become binary PLY files, textures and environments EXR files (float32). Loading the file gives a scene of the same
     content hash, except where an environment has more precision than float32. Files of the same names are replaced.
 
-    Raises `ConfigError` where the folder cannot be written, and for plugins and sets of more spheres than a YAML file
-    can hold.
+    Raises `ConfigError` where the folder cannot be written, for plugins, and for more spheres, instances or others than a YAML
+    file can hold.
     """
     root = Path(folder)
     if lacks := foreign(scene, KNOWN, "a scene file"):
@@ -59,7 +59,7 @@ def save_scene(scene: Scene, folder: str | PathLike[str]) -> Path:
     try:
         root.mkdir(parents=True, exist_ok=True)
         tree = _Writer(root).scene(scene)
-        (root / FILE).write_text(yaml_text(tree), encoding="utf-8")
+        (root / FILE).write_text(yaml_text(tree, str(root / FILE)), encoding="utf-8")
     except OSError as problem:
         raise ConfigError(f"{root}: cannot be written: {problem.strerror or problem}") from problem
     return root / FILE

@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from engines.errors import RaybenchError, SceneError, suggestion
+from engines.errors import ConfigError, RaybenchError, SceneError, suggestion
 from engines.input_files import open_regular, unreadable
 
 if TYPE_CHECKING:
@@ -147,13 +147,23 @@ def parse_yaml(text: str, name: str = "", error: type[RaybenchError] = SceneErro
     return _locate_node(root, origin, (), 0)
 
 
-def yaml_text(data: Any) -> str:
-    """Text that `parse_yaml` reads as the same data: mappings with keys of text, lists, tuples and scalars."""
+def yaml_text(data: Any, name: str = "") -> str:
+    """Text that `parse_yaml` reads as the same data: mappings with keys of text, lists, tuples and scalars. Raises
+    `ConfigError` for more values than `parse_yaml` reads; its message calls the file `name`."""
     import yaml
 
-    from engines.schema.strict_yaml import Writer
+    from engines.schema.strict_yaml import MAX_NODES, Writer
 
+    if (values := _values(data)) > MAX_NODES:
+        raise ConfigError(f"{name or 'YAML'}: {values:,} values and keys, of at most {MAX_NODES:,} that are read of a file")
     return yaml.dump(data, Dumper=Writer, sort_keys=False, default_flow_style=None, allow_unicode=True, width=WIDTH)
+
+
+def _values(data: Any) -> int:
+    """How many values and keys the reader counts."""
+    if isinstance(data, Mapping):
+        return 1 + len(data) + sum(map(_values, data.values()))
+    return 1 + sum(map(_values, data)) if isinstance(data, (list, tuple)) else 1
 
 
 def locate(data: Any, name: str = "", error: type[RaybenchError] = SceneError) -> Located:

@@ -19,7 +19,7 @@ from engines.choices import Choice
 from engines.errors import ConfigError, suggestion
 from engines.film import BYTES_A_PIXEL as FILM_BYTES
 from engines.registry import is_file
-from engines.scene import Instance, Scene, Shape, groups_of
+from engines.scene import Scene, counted, primitives_of
 from harness.config import SCHEMA_VERSION, Experiment
 from harness.config.experiment import FEWEST_TWINS, PREFERRED_BASELINES
 from harness.config.filters import Filter
@@ -280,13 +280,7 @@ def _cell(
 
 def primitive_count(scene: Scene) -> int:
     """Triangles, spheres and other shapes that rays can hit; an instance has those of its group."""
-    of_groups = {id(group): sum(map(_primitives, group.shapes)) for group in groups_of(scene.shapes)}
-    return sum(of_groups[id(shape.group)] if isinstance(shape, Instance) else _primitives(shape) for shape in scene.shapes)
-
-
-def _primitives(shape: Shape) -> int:
-    part = getattr(shape, "faces", getattr(shape, "radii", None))
-    return 1 if part is None else len(part)
+    return sum(times * primitives_of(shape) for shape, times in counted(scene.shapes))
 
 
 def _with_aa_twins(experiment: Experiment, configurations: list[Cell]) -> list[Cell]:

@@ -1,5 +1,9 @@
 """Instances in the compiled engines: what the engine numpy finds, which is held against the flattened scene."""
 
+import gc
+import time
+import weakref
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
@@ -7,10 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engines import Settings, engine
+from engines import Settings, engine, scene_from
+from engines.embree.library import Device
 from engines.errors import Unsupported
 from engines.kernels.rows import InstanceRow
+from engines.numba_cpu.accel.choice import Counts, counts_of
 from engines.scene import flattened
+from harness.plan.planner import primitive_count
 
 _SPEC = spec_from_file_location("instances_of_numpy", Path(__file__).parents[1] / "numpy_reference/test_instances.py")
 assert _SPEC is not None and _SPEC.loader is not None
@@ -54,7 +61,7 @@ def test_rays_find_in_instances_what_numpy_finds(accelerator, precision):
     assert dark.all() if exact else dark.mean() > 0.999
 
 
-@pytest.mark.parametrize(("accelerator", "precision"), EXACT)
+@pytest.mark.parametrize(("accelerator", "precision"), [*EXACT, (WATERTIGHT, "float32")])
 def test_of_equal_distances_the_lowest_shape_and_primitive_win(accelerator, precision):
     same = np.eye(3, 4)
     scene = made([TRIANGLE, TRIANGLE], [same] * 3, before=[TRIANGLE])
@@ -62,6 +69,41 @@ def test_of_equal_distances_the_lowest_shape_and_primitive_win(accelerator, prec
         shown = of_numpy.replace(scene, shapes=tuple(scene.shapes[k] for k in order))
         hits = renderer(shown, accelerator, precision).trace([0, 0.3, 5], [0, 0, -1])
         assert (hits.shape[0], hits.primitive[0], hits.t[0]) == (met, 0, 5.0)
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_embree_gives_ties_of_round_shapes_to_the_lowest_shape(first):
+    disk = {"disk": {"center": [0, 0, 0], "normal": [0, 0, 1], "radius": 1}}
+    scene = made([disk], [np.eye(3, 4)] * 2, before=[disk])
+    ours = renderer(scene, "embree")
+    for order in ((0, 1, 2), (1, 0, 2), (1, 2, 0)):
+        ours.update(shapes=[scene.shapes[k] for k in order])
+        assert ours.trace([0, 0.3, 5 + first], [0, 0, -1]).shape[0] == 0
+
+
+@pytest.mark.parametrize("kind", ["sphere", "disk", "cylinder", "triangle"])
+def test_embree_misses_no_silhouette_of_a_small_group_far_from_the_origin(kind):
+    """Its rays enter a group in float32: there they are off by much more than a millionth of the group. They go down along the
+    boxes of shapes one below the other, of which single ones would have none."""
+    place, levels, rng = np.array([700.0, 300.0, -500.0]), range(0, -32, -4), np.random.default_rng(4)
+    group = {
+        "sphere": [{"sphere": {"center": [0, 0, z], "radius": 1}} for z in levels],
+        "disk": [{"disk": {"center": [0, 0, z], "normal": [0, 0, 1], "radius": 1}} for z in levels],
+        "cylinder": [{"cylinder": {"p0": [-1, 0, z], "p1": [1, 0, z], "radius": 1}} for z in levels],
+        "triangle": [{"triangle": {"a": [-1, -1, z], "b": [1, -1, z], "c": [0, 1, z]}} for z in levels],
+    }[kind]
+    matrices = [np.column_stack([0.1 * np.eye(3), place - [0, 0, z]]) for z in (0, 10, 20, 30)]
+    scene = made(group, matrices, before=[TRIANGLE, _FAR])
+    along = rng.uniform(-0.9, 0.9, 4000) if kind in ("cylinder", "triangle") else np.zeros(4000)
+    inside = rng.uniform(1e-6, 2e-5, along.size)
+    targets = place + 0.1 * np.stack([along, inside - 1, 0 * along], axis=1)
+    origins, down = targets + np.array([0, 0, 800.0]), np.tile([0.0, 0, -1], (len(targets), 1))
+    wanted = of_numpy.renderer(scene).trace(origins, down)
+    found = renderer(scene, WATERTIGHT, "float64").trace(origins, down)
+    assert (wanted.shape == 2).mean() > 0.9 and np.array_equal(found.shape, wanted.shape)
+
+
+_FAR = {"sphere": {"center": [-900, -900, -900], "radius": 1}}
 
 
 @pytest.mark.parametrize("accelerator", ["grid", "area_hierarchy"])
@@ -76,6 +118,43 @@ def test_accelerators_without_instances_decline_them_in_one_line(accelerator):
 
 def test_a_row_of_an_instance_has_at_most_256_bytes():
     assert InstanceRow.size * np.dtype(InstanceRow.dtype).itemsize <= 256
+
+
+@pytest.mark.parametrize("name", ["numba", "embree"])
+def test_small_groups_wake_no_threads(name, monkeypatch):
+    """Of 2,000 groups of a triangle that takes half the time."""
+    groups = {f"g{k}": [{**TRIANGLE, "material": "grey"}] for k in range(300)}
+    shapes = [{"instance": {"group": group, "matrix": np.eye(3, 4)}} for group in groups]
+    materials = {"grey": {"kd": 0.5}}
+    scene = scene_from(
+        {"raybench_scene": 1, "camera": of_numpy.CAMERA, "materials": materials, "groups": groups, "shapes": shapes}
+    )
+    woken, submit = [], ThreadPoolExecutor.submit
+    monkeypatch.setattr(ThreadPoolExecutor, "submit", lambda *given: woken.append(1) or submit(*given))
+    accelerator = "bvh" if name == "numba" else "embree"
+    hits = engine(name).prepare(scene, Settings(accelerator=accelerator, threads=2)).trace([0, 0.3, 5], [0, 0, -1])
+    assert hits.t[0] == 5.0 and len(woken) < 150
+
+
+def test_counts_of_shapes_look_at_each_group_once():
+    scene = made([TRIANGLE] * 1000 + [*ROUND], [np.eye(3, 4)] * 2000, before=[TRIANGLE, PLANE])
+    started = time.process_time()
+    assert counts_of(scene) == Counts(2_000_001, 3 * 2000, 2 * 2000)
+    assert primitive_count(scene) == 2_000_001 + 1 + 5 * 2000
+    assert time.process_time() - started < 0.1
+
+
+def test_embrees_memory_is_freed_with_the_renderer_without_the_cyclic_collector():
+    others = {id(found) for found in gc.get_objects() if isinstance(found, Device)}
+    held = renderer(made([TRIANGLE], [np.eye(3, 4)]), "embree")
+    devices = [weakref.ref(found) for found in gc.get_objects() if isinstance(found, Device) and id(found) not in others]
+    assert devices
+    gc.disable()
+    try:
+        del held
+        assert not any(device() for device in devices)
+    finally:
+        gc.enable()
 
 
 @pytest.mark.parametrize("accelerator", ["bvh", "embree"])

@@ -27,9 +27,15 @@ def prepared(engine="numba", scene="two_spheres", **settings):
 
 def test_no_lane_reads_outside_of_the_table_of_samples():
     """Of one engine: the stage that reads it is the same in both."""
-    program = [sys.executable, "-m", "tests.kernels.guarded_tables", "numba"]
+    program = [sys.executable, "-m", "tests.kernels.guarded_tables", "numba", "samples"]
     done = subprocess.run(program, cwd=ROOT, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout.split()) == (0, ["halton", "sobol"]), done.stderr
+
+
+def test_no_lane_of_embree_reads_instances_that_are_gone():
+    program = [sys.executable, "-m", "tests.kernels.guarded_tables", "embree", "fewer_instances"]
+    done = subprocess.run(program, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout.split()) == (0, ["rendered"]), done.stderr
 
 
 # ---- shaders that follow two rays from one hit -----------------------------------------------------------------------

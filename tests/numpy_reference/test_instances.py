@@ -173,6 +173,18 @@ def test_offsets_of_an_instance_are_in_the_units_of_the_world(scale):
     assert 0.3 * scale <= at.offset[0] / (256 * EPSILON) <= 2 * max(scale, 1.0)
 
 
+def test_offsets_grow_where_the_matrix_is_ill_conditioned():
+    """A place in the world is in the group's coordinates |M| |M^-1| as far off, at most."""
+    matrix = np.column_stack([TURN @ np.diag([1, 1, 1e-4]) @ TURN.T, np.zeros(3)])
+    scene = made([{"triangle": {"a": [-5, -5, 0], "b": [5, -5, 0], "c": [0, 9, 0]}}], [matrix])
+    context, outward = renderer(scene)._context, np.linalg.inv(matrix[:, :3])[2]
+    target, outward = matrix[:, :3] @ [0.1, 0.2, 0], outward / np.linalg.norm(outward)
+    origin, direction = (target + outward)[:, None], -outward[:, None]
+    at = context.surface(origin, direction, context.closest(origin, direction))
+    growth = np.abs(matrix[:, :3]) @ np.abs(np.linalg.inv(matrix[:, :3])) @ np.abs(target)
+    assert growth.max() > 400 and at.offset[0] / (256 * EPSILON) == pytest.approx(growth.max())
+
+
 def seen(scene, **shader):
     film = renderer(scene, shader={"name": "path_tracer", "max_depth": 4, **shader}, sampler="random").render(2)
     assert film.bad_samples == 0

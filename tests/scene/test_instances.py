@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from engines import Settings, engine, load_scene, save_scene, scene_from
-from engines.errors import SceneError
+from engines.errors import ConfigError, SceneError
 from engines.scene import Cylinder, Disk, Instance, Mesh, Sphere, flattened, groups_of
 from engines.scene.light_bounds import light_bounds
 
@@ -129,6 +129,19 @@ def test_a_saved_scene_has_its_groups_and_the_same_hash(tmp_path):
     assert len(groups_of(loaded.shapes)) == 2 and len(list(tmp_path.glob("meshes/*"))) == 1
 
 
+@pytest.mark.parametrize("count", [40, 60])
+def test_what_is_saved_is_read_again_and_more_instances_than_a_file_holds_are_refused(count, tmp_path, monkeypatch):
+    """Each is 22 values and keys."""
+    monkeypatch.setattr("engines.schema.strict_yaml.MAX_NODES", 1000)
+    scene = scene_from(keys(shapes=[instance()] * count))
+    if count == 40:
+        assert load_scene(save_scene(scene, tmp_path)).content_hash == scene.content_hash
+        return
+    with pytest.raises(ConfigError, match=r"scene.yaml: 1,3\d\d values and keys, of at most 1,000 that are read of a file"):
+        save_scene(scene, tmp_path)
+    assert not list(tmp_path.glob("*.yaml"))
+
+
 def test_the_hash_knows_matrices_and_what_groups_hold_but_no_names():
     plain = scene_from(keys()).content_hash
     renamed = keys({"other": [BALL]}, [instance(group="other")])
@@ -197,3 +210,25 @@ def test_the_copies_of_a_flattened_scene_are_bounded(monkeypatch):
     assert len(flattened(scene_from(keys(shapes=[instance()] * 2))).shapes) == 2
     with pytest.raises(SceneError, match="more than 2 triangles"):
         flattened(scene_from(keys(shapes=[instance()] * 3)))
+
+
+@pytest.mark.parametrize("shape", ["triangle", "mesh", "sphere", "disk"])
+def test_a_flattened_shape_has_the_media_of_the_shape_of_the_group(shape):
+    kinds = {"triangle": {"a": [0, 0, 0], "b": [1, 0, 0], "c": [0, 1, 0]}, "mesh": TRIANGLE, **BALL}
+    kinds["disk"] = {"center": [0, 0, 1], "normal": [0, 0, 1], "radius": 1}
+    group = [{shape: kinds[shape], "material": "grey", "interior": "fog", "exterior": "air"}]
+    media = {name: {"sigma_t": 1, "albedo": 0.5} for name in ("air", "fog")}
+    stretched = [[3, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]]
+    for copy in flattened(scene_from(keys({"balls": group}, [instance(), instance(stretched)], media=media))).shapes:
+        assert (copy.interior, copy.exterior) == (1, 0)
+
+
+def test_copies_beyond_the_limit_are_not_made():
+    many = {"spheres": {"centers": np.zeros((2000, 3)), "radii": [1] * 2000}, "material": "grey"}
+    scene = scene_from(keys({"balls": [many]}, [instance([[3, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]])]))
+    tracemalloc.start()
+    with pytest.raises(SceneError, match="more than 4,000,000 triangles"):
+        flattened(scene)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 20e6  # some GB with copies

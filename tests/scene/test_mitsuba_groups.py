@@ -110,6 +110,15 @@ def test_merges_within_merges_hold_a_bounded_number_of_shapes(tmp_path, monkeypa
         assert "merges hold more than 500 shapes" in refusal(tmp_path, body)
 
 
+def test_shapes_of_triangles_in_merges_are_repeated_a_bounded_number_of_times(tmp_path, monkeypatch):
+    """A stretched sphere has 36,000 triangles, so that 200,000 of it in a small file would be hundreds of GB."""
+    monkeypatch.setattr(groups, "MAX_REPEATED", 100_000)
+    ball = BALL.replace("/>", ' id="m0"><transform name="to_world"><scale x="2"/></transform></shape>')
+    ten = "".join(f'<shape type="merge" id="m{k}">' + f'<ref id="m{k - 1}"/>' * 10 + "</shape>" for k in range(1, 6))
+    for body in (ball + ten, GROUP.format(ball + ten) + COPY.format("")):
+        assert "merges repeat more than 100,000 triangles" in refusal(tmp_path, body)
+
+
 def test_a_file_is_read_once_for_all_instances_of_its_group(tmp_path):
     (tmp_path / "m.obj").write_text("v -1 -1 0\nv 1 -1 0\nv 0 2 0\nf 1 2 3\n", encoding="ascii")
     group = GROUP.format('<shape type="obj"><string name="filename" value="m.obj"/></shape>')

@@ -123,6 +123,17 @@ def test_a_document_of_too_many_values_is_refused(monkeypatch):
         parse_yaml("[" + "1, " * 101 + "]")
 
 
+def test_text_is_written_as_long_as_it_can_be_read(monkeypatch):
+    tree = {"a": [1, (2, 3)], "b": {"c": "d", "e": [[1.5], None]}}
+    composer = strict_yaml.StrictComposer(yaml_text(tree), 64)
+    composer.root()
+    monkeypatch.setattr(strict_yaml, "MAX_NODES", composer.nodes)
+    assert parse_yaml(yaml_text(tree)).plain() == {"a": [1, [2, 3]], "b": tree["b"]}
+    monkeypatch.setattr(strict_yaml, "MAX_NODES", composer.nodes - 1)
+    with pytest.raises(ConfigError, match=f"t.yaml: {composer.nodes} values and keys, of at most {composer.nodes - 1}"):
+        yaml_text(tree, "t.yaml")
+
+
 def test_files_that_cannot_be_read_are_refused(tmp_path, monkeypatch):
     def refused(name, content=None):
         if content is not None:

@@ -60,7 +60,7 @@ class FlatScene:
             return self
         table, begin, end = SceneTable, self.begins[number], self.begins[number + 1]
         placed = {} if number == 0 else {"bounds": self.boxes[number - 1], "center": np.zeros(3)}
-        part = replace(self, arrays=dict(self.arrays), table=self.table.copy(), begins=[begin, end], **placed)
+        part = replace(self, arrays=dict(self.arrays), table=self.table.copy(), begins=[begin, end], owned=[], **placed)
         for slots, first, last in (
             ((table.triangles, table.triangle_primitives), begin.triangles, end.triangles),
             ((table.spheres, table.sphere_primitives), begin.spheres, end.spheres),

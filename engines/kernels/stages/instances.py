@@ -60,10 +60,18 @@ def local_ray(instance, origin, direction, real):
 
 @inline
 def reach(instance, p, radius):
-    """The largest number that makes up the coordinates of a point of a round shape."""
+    """The largest number that makes up the coordinates of a point of a round shape, on the way to the group and back: rounding
+    errors grow where the matrix is ill-conditioned."""
     size = Vec3(abs(p.x) + radius, abs(p.y) + radius, abs(p.z) + radius)
-    x, y, z, moved = _abs(instance.out_x), _abs(instance.out_y), _abs(instance.out_z), _abs(instance.moved)
-    return largest(Vec3(dot(x, size), dot(y, size), dot(z, size)) + moved)
+    x, y, z = _abs(instance.out_x), _abs(instance.out_y), _abs(instance.out_z)
+    place = _products(x, y, z, size) + _abs(instance.moved)
+    local = _products(_abs(instance.in_x), _abs(instance.in_y), _abs(instance.in_z), place)
+    return max(largest(place), largest(_products(x, y, z, local)))
+
+
+@inline
+def _products(x, y, z, v):
+    return Vec3(dot(x, v), dot(y, v), dot(z, v))
 
 
 @inline

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -34,6 +34,8 @@ class Quality(NamedTuple):
 
 QUALITIES = {"fast": Quality(16, 0, LEAF, 0.0), "high": Quality(BINS, SWEPT, 2, 0.3)}
 DEFAULT_QUALITY = "high"
+SMALL = 1000
+"""Up to so many primitives of a part are built by one thread: another takes longer to wake."""
 FARTHEST = 1e29
 """Metres up to which slabs in float32 neither overflow nor lose a box."""
 
@@ -75,11 +77,21 @@ class Accelerator:
         if not extent < FARTHEST:
             raise Unsupported(f"bvh: the scene reaches {extent:.3g} m, of at most {FARTHEST:g}; take accelerator none")
         unit = 2.0 ** float(np.frexp(extent)[1])  # no area overflows
-        return _build(part, unit, self._quality, threads, pool)
+        small = sum(primitive_counts(part)) <= SMALL
+        return _build(part, unit, self._quality, 1 if small else threads, _Here() if small else pool)
 
     def stages(self, features: SceneFeatures, real: Any) -> tuple[Any, Any]:
         kinds = features.triangles, features.spheres, features.planes, features.analytic, features.instances
         return bvh_walk.stages(*kinds, real)
+
+
+class _Here(Executor):
+    """Runs at once, in this thread, what is submitted."""
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+        done: Future[Any] = Future()
+        done.set_result(fn(*args, **kwargs))
+        return done
 
 
 class Grown(NamedTuple):

@@ -8,10 +8,9 @@ choice. Planes cost the same in both, and are left out.
 from __future__ import annotations
 
 import math
-from itertools import chain
 from typing import NamedTuple
 
-from engines.scene import Instance, Mesh, Plane, Scene, Sphere, SphereSet, Triangle
+from engines.scene import Mesh, Plane, Scene, Sphere, SphereSet, Triangle, counted
 
 
 class Counts(NamedTuple):
@@ -46,14 +45,13 @@ COSTS = {
 def counts_of(scene: Scene) -> Counts:
     """How many primitives of each kind the scene shows."""
     triangles = spheres = analytic = 0
-    shown = ([*shape.group.shapes] if isinstance(shape, Instance) else [shape] for shape in scene.shapes)
-    for shape in chain.from_iterable(shown):
+    for shape, times in counted(scene.shapes):
         if isinstance(shape, (Mesh, Triangle)):
-            triangles += len(shape.faces) if isinstance(shape, Mesh) else 1
+            triangles += times * (len(shape.faces) if isinstance(shape, Mesh) else 1)
         elif isinstance(shape, (Sphere, SphereSet)):
-            spheres += len(shape.radii) if isinstance(shape, SphereSet) else 1
+            spheres += times * (len(shape.radii) if isinstance(shape, SphereSet) else 1)
         elif not isinstance(shape, Plane):
-            analytic += 1
+            analytic += times
     return Counts(triangles, spheres, analytic)
 
 

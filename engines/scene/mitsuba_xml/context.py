@@ -29,7 +29,7 @@ from engines.scene.triple import BLACK
 class Importer:
     """The state of importing one scene. `built` are results by the plugin (its identity) and how it was asked for; `one_sided`
     are names of BSDFs that are black from behind; `emitting` are the shapes of area emitters, `media` those of shapes and of
-    the sensor. `merged` counts the shapes of merges."""
+    the sensor. `merged` counts the shapes of merges, `repeated` the primitives of those that are there again."""
 
     reader: SceneReader
     ids: dict[str, Plugin]
@@ -40,6 +40,7 @@ class Importer:
     emitting: dict[int, Plugin] = field(default_factory=dict)
     media: list[HomogeneousMedium] = field(default_factory=list)
     merged: int = 0
+    repeated: int = 0
 
     @property
     def place(self) -> Place:

@@ -11,10 +11,12 @@ from engines.errors import SceneError
 from engines.scene.mitsuba_xml.context import Importer
 from engines.scene.mitsuba_xml.properties import Plugin
 from engines.scene.mitsuba_xml.shapes import shape
-from engines.scene.shapes import MAX_INSTANCES, Group, Instance, Shape
+from engines.scene.shapes import MAX_INSTANCES, Group, Instance, Shape, Single, primitives_of
 
 MAX_MERGED = 200_000
 """Shapes in merges, those in merges within others again and again."""
+MAX_REPEATED = 4_000_000
+"""Triangles and other primitives of shapes that merges hold again."""
 
 
 def shapes(importer: Importer, plugin: Plugin) -> Iterator[Shape]:
@@ -27,7 +29,18 @@ def shapes(importer: Importer, plugin: Plugin) -> Iterator[Shape]:
     elif plugin.type == "instance":
         yield _instance(importer, plugin)
     elif plugin.type != "shapegroup":
-        yield shape(importer, plugin)
+        yield _made(importer, plugin)
+
+
+def _made(importer: Importer, plugin: Plugin) -> Single:
+    """A shape. One that merges hold again is made again, and its primitives are counted."""
+    made, key = shape(importer, plugin), (id(plugin), "made")
+    if key in importer.built:
+        importer.repeated += primitives_of(made)
+        if importer.repeated > MAX_REPEATED:
+            raise plugin.refuse(f"merges repeat more than {MAX_REPEATED:,} triangles and other primitives")
+    importer.built[key] = True
+    return made
 
 
 def _merged(importer: Importer, plugin: Plugin) -> list[Plugin]:
@@ -71,7 +84,7 @@ def _group(importer: Importer, plugin: Plugin) -> Group:
         if plugin.has("to_world"):
             plugin.read.add("to_world")
             importer.notes.add("to_world of a shapegroup has no effect", plugin.element)
-        members = [shape(importer, inner) for inner in _single(importer, plugin)]
+        members = [_made(importer, inner) for inner in _single(importer, plugin)]
         try:
             importer.built[key] = Group(plugin.id or "group", tuple(members))
         except SceneError as problem:
