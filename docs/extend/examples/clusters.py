@@ -111,7 +111,7 @@ def make(triangles, spheres, planes, analytic, real, shadow):
             origin, direction, t_max = rays.shadow.origin, rays.shadow.direction, rays.shadow.t_max
         else:
             origin, direction, t_max = rays.origin, rays.direction, rays.t
-        clear_hits(rays, shadow)
+        clear_hits(rays, shadow, False)
         if triangles:
             for g in range(own.n_groups):
                 meets = np.int64(0)
@@ -128,12 +128,15 @@ def make(triangles, spheres, planes, analytic, real, shadow):
                         if shadow:
                             block_shadow(rays, lane, t, valid)
                         else:
-                            keep_nearer(rays, lane, t, primitive, valid)
+                            keep_nearer(rays, scene, lane, t, primitive, valid, False)
         if spheres:
-            occluded_spheres(rays, scene, real) if shadow else closest_spheres(rays, scene, real)
+            if shadow:
+                occluded_spheres(rays, scene, 0, scene.n_spheres, real)
+            else:
+                closest_spheres(rays, scene, 0, scene.n_spheres, real)
         if planes:
-            occluded_planes(rays, scene, real) if shadow else closest_planes(rays, scene, real)
-        test_analytic(rays, scene, real)
+            occluded_planes(rays, scene, real) if shadow else closest_planes(rays, scene, real, False)
+        test_analytic(rays, scene, 0, scene.n_analytic, real)
 
     return stage
 
