@@ -230,7 +230,7 @@ def resolve(kind: str, given: Any, table: Mapping[str, Mapping[str, Option]]) ->
     """Turns what a user wrote into a `Choice` with every option present; NumPy numbers become Python's.
 
     Raises `UnknownName` for names and options not in `table`, `ConfigError` for values out of range. A plugin object
-    (not a string or mapping) stands for itself; its own `options` mapping, if it has one, gives names and defaults.
+    (not a string or mapping) is taken as it is; its `options` mapping, if it has one, gives names and defaults.
     """
     if isinstance(given, Choice):
         return given if given.plugin is not None else resolve(kind, given.describe(), table)

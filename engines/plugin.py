@@ -30,7 +30,7 @@ class Shader:
     """A shader as a plugin: give it to `Settings.shader`, or name it in YAML as `module:attribute`.
 
     `jitted` is the step of the engines numba and embree, `numpy(context, origins, directions, pixels, sample) -> (n, 3)`
-    the radiance along n rays for the engine numpy. An engine whose function is missing declines by `why_not`.
+    the radiance along n rays for the engine numpy. An engine whose function is missing does not support the shader.
     `options`: names and defaults, at most eight numbers; a mapping `{"name": ..., option: value}` changes single ones. The
     step's `options` argument holds their values in order, in eight numbers, `context.options` by name.
     `lights`: "one" light sample per vertex, or "all" for a call per light.

@@ -51,7 +51,7 @@ METRIC_MEANINGS = {
             ("mae", "MAE"),
             ("mape", "MAPE"),
             ("smape", "SMAPE"),
-            ("psnr", "the MSE that PSNR stands for"),
+            ("psnr", "the MSE from which PSNR follows"),
             ("ssim", "1 - SSIM"),
             ("flip", "FLIP"),
         )

@@ -16,7 +16,7 @@ FILE = Path(__file__).with_name("meadow.yaml")
 GROUND = {"cells": 96, "size": 150.0, "height": 4.5, "roughness": 0.35, "seed": 5, "center": (0.0, -3.0, -55.0)}
 HEAD = """\
 # A meadow and trees under the sun and the sky of an image: 3,800,000 triangles of grass, flowers and leaves, instances
-# of ten groups that hold 19,000. Written by scenes/meadow.py. Made for raybench.
+# of ten groups of 19,000 triangles in all. Written by scenes/meadow.py. Made for raybench.
 raybench_scene: 1
 name: meadow
 camera: {{type: perspective, eye: {eye}, target: {target}, up: [0, 1, 0], fov: 36, resolution: [1280, 720]}}

@@ -19,23 +19,23 @@ PICTURES = DOCS / "pictures" / "gallery"
 FENCE = "console no-run: a picture of this size takes minutes"
 HEAD = """# Gallery
 
-This page shows every scene in `scenes/` that you can name without a path, and `watch.glb`. Choose one by your question:
+This page shows every scene in `scenes/` that you can name without a path, and `watch.glb`. Choose a scene by its purpose:
 
 - a first comparison in seconds: `cornell_box`, `two_spheres`
-- the same image from numba, Mitsuba, LuxCore and Cycles: `study`, whose materials all four support
-- furnished rooms, for timing: `living_room`, `hall`, `classroom`
-- which light to sample: `many_lights`, `veach_plates`; path guiding: `door`
+- comparing numba, Mitsuba, LuxCore and Cycles: `study`, whose materials all four support
+- timing in furnished rooms: `living_room`, `hall`, `classroom`
+- light sampling: `many_lights`, `veach_plates`; path guiding: `door`
 - accelerators: `teapot_stadium` and Haines' scenes (`gears`, `lattice`, `mount`, `rings`, `sphereflake`, `tetra`, `tree`)
-- correctness: `furnace`, whose every pixel is 1
+- correctness: `furnace`, in which every pixel is 1
 - media: `dusty_room`, `milk`; glTF: `watch.glb`
 
-The comment on top of a scene's file says more about it. Scenes without a source were made for raybench. `scenes/` also contains
-the folders `mobilert` (three scenes need meshes that raybench cannot ship), `scaling` (two scenes in five sizes) and
+The comment on top of a scene's file says more. Scenes for which this page names no source were made for raybench. `scenes/` also
+contains the folders `mobilert` (three scenes need meshes that raybench cannot ship), `scaling` (two scenes in five sizes) and
 `disagreements` ([scenes on which renderers differ](how/where_renderers_differ.md)), and `lantern.xml`, a Mitsuba scene.
 
 ## Furnished scenes
 
-The caption says how many samples per pixel each picture has. This command makes the first one:
+Captions give the samples per pixel. This command makes the first picture:
 
 ```{}
 $ {}
@@ -90,11 +90,11 @@ This command makes the first of these pictures:
 $ {}
 ```
 
-The pictures have 256 samples per pixel, except: {}. Two are made in another way:
+The pictures have 256 samples per pixel, except: {}. Two have other options:
 {}.
 
-The port of Dahlquist's program draws this picture of `dahlquist`, byte for byte equal to the original. Behind
-the balls it shows an image where the path tracer sees the sky:
+raybench's port of Dahlquist's program draws this picture of `dahlquist`, byte for byte equal to the original. Its background
+is an image; the path tracer shows a sky instead:
 
 ![the port](pictures/gallery/dahlquist_port.png)
 

@@ -1,17 +1,17 @@
-"""What every engine must hold, ours and third parties' alike, examined through the public interface alone.
+"""The claims that every engine must meet, raybench's and third parties', checked only through the public interface.
 
     from engines.conformance import assert_conforms, check_engine
 
     for finding in check_engine(my_engine):
         print(finding)
 
-A claim has a key, the name of its function. An engine that declines what a claim needs, by `why_not` or by raising
-`Unsupported` from `trace` or `occluded`, is not failed for it: the claim is declined, and the engine quoted. Nor is one
-that does not promise it: an attribute `not_promised` maps keys to reasons, and such claims are not examined.
+A claim has a key, the name of its function. If an engine refuses a scene or setting that a claim needs, by `why_not` or by
+raising `Unsupported` from `trace` or `occluded`, the claim is declined, with the engine's words, and not broken. An attribute
+`not_promised` maps keys to reasons; such claims are not examined.
 
-Two more attributes help an engine that can be given little. `listed` maps `shader`, `sampler` and `threads` to what there
-is to choose from, where raybench's names alone would not be accepted. `reads_files` is true where a scene must lie in a
-file of raybench's format: claims then write theirs into files first.
+Two more attributes help engines with few choices. `listed` maps `shader`, `sampler` and `threads` to the accepted values, if
+raybench's names alone would not be accepted. `reads_files` is true if a scene must be in a file of raybench's format: claims
+then write theirs into files first.
 """
 
 from __future__ import annotations

@@ -40,8 +40,8 @@ NOT_PROMISED = {
 
 
 class Engine:
-    """Intel's Embree finds the hits, and the kernels of `numba` do the rest. Embree traces in float32, whatever the
-    precision of shading (float32 by default). In float64 its hits are confirmed and solved again, unless `refine` is off."""
+    """Intel's Embree finds the hits, and the kernels of `numba` do the rest. Embree traces in float32; shading is in float32
+    by default. With shading in float64 its hits are confirmed and solved again, unless `refine` is off."""
 
     name = "embree"
     lineage = "raybench-kernels"

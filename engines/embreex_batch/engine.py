@@ -34,7 +34,7 @@ ACCELERATORS: dict[str, dict[str, Option]] = {"auto": _OPTIONS, "embree": _OPTIO
 
 class Engine:
     """Embree as its Python package embreex ships it: a wavefront of rays per call, shaded by the engine `numpy`. It traces
-    triangles in float32 and shades in float64, on one thread, whatever `settings.threads` says.
+    triangles in float32 and shades in float64, always on one thread.
 
     Other shapes beside the triangles are tested in NumPy, one by one; a scene of these alone is declined.
     """

@@ -25,8 +25,8 @@ ACCELERATORS: dict[str, dict[str, Option]] = {
 
 
 class Engine:
-    """The reference engine: NumPy in float64, with formulas of its own, one concept per file. It has every shader, sampler
-    and camera, and takes plugins that bring a NumPy function.
+    """The reference engine: NumPy in float64, with separate formulas, one concept per file. It supports every shader, sampler
+    and camera, and plugins that have a NumPy function.
 
     It accepts any number of threads and renders on one.
     """

@@ -249,6 +249,6 @@ CAMERA = Tagged(
         "type": "object",
         "required": ["type"],
         "properties": {"type": {"type": "string", "pattern": ":"}},
-        "description": "A plugin, module:attribute, with options of its own; loaded with --allow-imports alone.",
+        "description": "A plugin, module:attribute, with its own options; loaded only with --allow-imports.",
     },
 )

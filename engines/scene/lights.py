@@ -326,6 +326,6 @@ LIGHTS = Variants(
         "projector": _PROJECTOR,
         "directional": _DIRECTIONAL,
         "environment": _ENVIRONMENT,
-        "plugin": PluginKind("light", "A light of one's own; loaded with --allow-imports alone.", CustomLight),
+        "plugin": PluginKind("light", "Your own light; loaded only with --allow-imports.", CustomLight),
     },
 )

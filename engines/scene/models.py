@@ -373,5 +373,5 @@ LEAVES = {
     "principled": PRINCIPLED,
     "sheen": SHEEN,
     "null": NULL,
-    "plugin": PluginKind("BSDF", "A BSDF of one's own; loaded with --allow-imports alone.", CustomBSDF),
+    "plugin": PluginKind("BSDF", "Your own BSDF; loaded only with --allow-imports.", CustomBSDF),
 }

@@ -198,13 +198,13 @@ _IMAGE = Record(
     {
         "image": Key(
             IMAGE_FILE,
-            "File of the image, .png (8 or 16 bit), .jpg, .tga, .bmp, .tif, .webp, .exr or .hdr, relative "
+            "File of the image, .png (8 or 16 bit), .jpg, .tga, .bmp, .tif, .webp, .exr, .hdr or .pfm, relative "
             "to the scene's folder.",
         ),
         "color_space": Key(
             one_of(("srgb", "linear", "raw"), "color space"),
             "Whether values are sRGB-encoded, or linear; raw is another word for linear. By default sRGB for 8 and 16 bit, "
-            "linear for .exr and .hdr.",
+            "linear for .exr, .hdr and .pfm.",
             None,
         ),
         "channel": Key(

@@ -69,7 +69,7 @@ def points(results: Results) -> Table:
         Column("film_variance", "Variance of a pixel by the spread of the film's own samples, averaged.", "number"),
     ]
     after = [
-        Column("separate_renders", "Whether seconds and rays are those of a render of its own.", "flag"),
+        Column("separate_renders", "Whether seconds and rays come from a separate render.", "flag"),
         Column("contended", "Whether other work disturbed the timing.", "flag"),
         Column("image", "The checkpoint's image, relative to the results folder."),
     ]

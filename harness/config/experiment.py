@@ -67,7 +67,7 @@ class Experiment:
         None,
     )
     repeats: int = key(
-        integer(1, 1000), "Blocks. Each measures every combination once, in random order, with a seed of its own.", 3
+        integer(1, 1000), "Blocks. Each measures every combination once, in random order, with another seed.", 3
     )
     seed: int = key(SEED, "Seed of the first block; each further block adds one.", 1)
     aa_twin: bool = key(

@@ -36,8 +36,8 @@ class Checkpoints:
 
     ratio: float = key(
         number(1.01, 1024.0),
-        "Ratio of one checkpoint to the one before, in whole samples. 1.4142, the root of two, stands for 3/2 and 4/3 in "
-        "turn: powers of two times the start, and three times them.",
+        "Ratio of one checkpoint to the one before, in whole samples. 1.4142, the root of two, means 3/2 and 4/3 in turn: "
+        "powers of two times the start, and three times them.",
         1.4142,
     )
     start: int = key(integer(1, 2**31), "Samples per pixel of the first checkpoint.", 1)

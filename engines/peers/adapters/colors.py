@@ -50,7 +50,7 @@ def scaled(value: Color, factor: Any) -> Any:
 
 
 def mirror_share(part: Mixture) -> float:
-    """How much of the blend that stands for a mixture of a diffuse and a mirror lobe is the mirror; 0 without one, 1 alone.
+    """The share of the mirror in a blend that replaces a mixture of a diffuse and a mirror lobe; 0 without a mirror, 1 alone.
 
     Divided by their shares, neither lobe has a component above 1 where `mixture_lacks` nothing.
     """

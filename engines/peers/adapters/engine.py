@@ -36,11 +36,11 @@ def version_with(package: str, adapter: str = "1") -> str:
 
 
 class AdapterEngine:
-    """An engine that says by class attributes what it takes; a scene or setting with anything else is declined.
+    """An engine whose class attributes say what it supports; it refuses scenes and settings with anything else.
 
     `shapes`, `materials`, `textures`, `lights`, `cameras`: types of `engines.scene`, `materials` those of BSDFs, wrappers
-    included. `camera_keys`: of `CAMERA_KEYS` those that it honours. `two_sided`: whether it takes
-    surfaces that emit on both sides. `lacks` declines what types do not tell.
+    included. `camera_keys`: of `CAMERA_KEYS` those that it honours. `two_sided`: whether it supports
+    surfaces that emit on both sides. `lacks` refuses scenes for reasons that types do not tell.
 
     `takes_shaders`, `takes_samplers`: names, of raybench's or of `own_shaders` and `own_samplers`, each with the options for
     which not every value is honoured, and those that are: `{"path_tracer": {"direct": ("mis",), "rr_depth": range(3, 99)}}`.

@@ -51,9 +51,9 @@ _ROUNDING = "the mean of a call is rounded to float32"
 
 
 class Engine(AdapterEngine):
-    """Blender's Cycles on the CPU, in a process and a Python environment of its own: a box filter of one pixel, no clamping,
-    no adaptive sampling, no path guiding, no denoiser, caustics on; a light tree where `light_sampler` is `bvh`. Float32. Its
-    sampler `sobol` is Cycles' own table of Owen-scrambled Sobol points.
+    """Blender's Cycles on the CPU, in a separate process and Python environment: a box filter of one pixel, no clamping,
+    no adaptive sampling, no path guiding, no denoiser, caustics on; a light tree if `light_sampler` is `bvh`. Float32. Its
+    sampler `sobol` is Cycles' table of Owen-scrambled Sobol points.
 
     Roulette begins after `rr_depth` segments; a path goes on with the square root of its largest throughput, as always in
     Cycles. Passing a mask, a null surface or a thin pane is no segment there, so that these are declined at low `max_depth`.

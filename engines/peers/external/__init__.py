@@ -20,20 +20,20 @@ empty one, the working directory), `{spp}`, `{seed}`, `{threads}`, `{width}`, `{
 occur, and `{threads}` unless `threads: n` says how many it always takes. An option of a shader or sampler that is not
 passed must be at its default, or be given in the list: `shaders: [{name: path_tracer, max_depth: 8}]`.
 
-An exported scene holds size and depth; Mitsuba's XML wants `-D spp={spp} -D seed={seed}`, as in
+An exported scene contains size and depth; a scene exported for Mitsuba also needs `-D spp={spp} -D seed={seed}`, as in
 `configs/renderers/mitsuba.yaml`.
 
-The clock. Every call of `render` is a process of its own with a seed of its own. With `time: process` a call costs what
-the process took: start, reading the scene, building, rendering, writing. With
+The clock. Every call of `render` is a separate process with a different seed. With `time: process` its time is that of the
+process: start, reading the scene, building, rendering, writing. With
 
     time: {pattern: 'took (?P<s>[0-9.]+)s'}
 
-it costs what the program says in its output (the last match; a group's name is its unit, us, ms, s, min or h, and the
-groups that are found are added); starting is then paid in `warm_up`, by a process of one sample.
+its time is the one that the program prints (the last match; a group's name is its unit, us, ms, s, min or h, and the groups
+that are found are added). `warm_up` then measures the start, by a process of one sample.
 
-An image is the mean of `spp` samples, so variance is known between calls alone, and is NaN after one call; halves are
-NaN. Single rays are not answered. A program that fails, or whose image is missing, unreadable, of another size or not
-finite, raises `RendererFailed`.
+An image is the mean of `spp` samples, so variance is known only between calls, and is NaN after one call; halves are NaN.
+Single rays are not supported. A program that fails, or whose image is missing, unreadable, of another size or not finite,
+raises `RendererFailed`.
 """
 
 from engines.peers.external.engine import Engine, Renderer

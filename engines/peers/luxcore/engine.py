@@ -35,9 +35,9 @@ _SHARED = "its threads take turns at one stream of pixels: images are equal in d
 
 
 class Engine(AdapterEngine):
-    """LuxCoreRender's path tracer on the CPU (PATHCPU with its sampler RANDOM), in a process of its own: a box filter of one
+    """LuxCoreRender's path tracer on the CPU (PATHCPU with its sampler RANDOM), in a separate process: a box filter of one
     pixel, no clamping, no adaptive sampling, no caches, no denoiser. Float32. Lights are chosen with equal probability. Shapes
-    that share a material divide the sum of theirs by their numbers of triangles, whatever the areas.
+    that share a material share their probabilities in proportion to their numbers of triangles, not to their areas.
 
     There is no Russian roulette: LuxCore's is biased beside multiple importance sampling (2.4 % in a closed box of albedo 1/2
     from the third segment on), so that `rr_depth` below `max_depth` is declined. It stops by being polled: pixels have up to

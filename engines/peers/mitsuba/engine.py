@@ -35,7 +35,7 @@ def _word(value: Any) -> str | None:
     return None if isinstance(value, str) and value.isascii() and value.isidentifier() else "a plugin's name"
 
 
-_MEANING = f"samples per pixel in a pattern, rounded up; null: as many as a checkpoint wants, {USUAL} outside an experiment"
+_MEANING = f"samples per pixel in a pattern, rounded up; null: one pattern a checkpoint, {USUAL} outside an experiment"
 _PLUGIN = Option(
     None,
     "module:function that registers plugins of your own with Mitsuba",

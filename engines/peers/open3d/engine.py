@@ -24,7 +24,7 @@ RENDERS_NOTHING = "Open3D traces rays and renders no images: raybench race --ray
 
 
 class Engine:
-    """Open3D's RaycastingScene: it answers rays in scenes of triangles, for `raybench race --rays`, and declines to render."""
+    """Open3D's RaycastingScene: it traces rays in scenes of triangles, for `raybench race --rays`, and renders no images."""
 
     name = "open3d"
     tracing_precision = "float32"

@@ -4,7 +4,7 @@ TERMS = {
     "contestant": "An engine with its settings, on one scene. Its name has those settings that differ within the experiment: "
     "accelerator (how the hit of a ray is found: bvh, grid, brute force), sampler, precision and threads.",
     "target": "The error that a contestant has to reach. The time until then is compared.",
-    "reference": "An image at many samples that stands for the truth; errors are differences from it.",
+    "reference": "An image at many samples that is taken as the truth; errors are differences from it.",
     "relMSE": "Mean of (A - R)² / (R² + ε) over pixels and channels, for an image A and the reference R.",
     "noise-corrected": "The expectation of the error does not contain the noise of the reference.",
     "warm, cold": "Warm time is rendering alone. Cold time adds import, scene load, build and compilation.",

@@ -40,7 +40,7 @@ def bias_and_equivalence(analysis: Analysis) -> Table:
     table = Table(
         "bias_and_equivalence",
         "Bias against the reference, equivalence with the image baseline",
-        f"Shares of the radiance: for a tile of its own, but at least of 0.1 of the image's mean. {_margins(analysis)}",
+        f"Shares of the radiance; for a tile, of its radiance, at least 0.1 of the image's mean. {_margins(analysis)}",
         [
             SCENE,
             CONTESTANT,
@@ -142,7 +142,7 @@ def accuracy(analysis: Analysis) -> Table:
         "accuracy",
         "Accuracy",
         "Cases of `raybench verify` that the config names. All passes of a case share one row, which has the result nearest "
-        "to its tolerance and the number of results. Every failure has a row of its own.",
+        "to its tolerance and the number of results. Every failure has a separate row.",
         [
             Column("case", "Id of the case."),
             Column("description", "What the case checks."),
@@ -153,7 +153,7 @@ def accuracy(analysis: Analysis) -> Table:
             Column("unit", "Unit of error and tolerance."),
             Column("tolerance", "The largest error that passes, by the precision in which the engine traces.", "number"),
             Column("outcome", "pass, fail, xfail (no tolerance in this precision) or skip."),
-            Column("stands_for", "Results that the row stands for.", "count"),
+            Column("stands_for", "Number of results that the row summarises.", "count"),
         ],
     )
     for result, others, _ in worst_per_check(analysis.results.check_results):
