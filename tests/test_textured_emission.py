@@ -190,7 +190,7 @@ TURNED = (0.0, 1.0, 0.0, 1.0, 0.0, 0.0)
         ("mitsuba", lamp(quarters(), ((0, 0), (2, 0), (2, 1), (0, 1))), r"'lamp': Mitsuba has emission .* in \[0, 1\]"),
         ("mitsuba", lamp(quarters(to_uv=TURNED)), "'lamp': Mitsuba has emission from a texture .* without to_uv"),
         ("mitsuba", every_lamp(), "Mitsuba has emission from a texture on one side of meshes alone"),
-        ("pbrt", lamp(quarters()), "'lamp': pbrt does not support the texture"),
+        ("pbrt", lamp(quarters()), "'lamp': pbrt does not support emission from textures"),
     ],
     ids=["repeated", "turned", "shapes", "pbrt"],
 )

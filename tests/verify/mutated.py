@@ -111,9 +111,9 @@ FAULTS = [
         "False, 0.0, direction",
         "B1",
         "bvh",
-        ("+ tree._extent) + 1e-300", "+ tree._extent) * 0.0"),
+        ("+ extent) + 1e-300", "+ extent) * 0.0"),
     ),
-    Fault("slab widened by nothing", "accelerators/bvh.py", "pad = 32.0 * EPSILON", "pad = -32.0 * EPSILON", "B1", "bvh"),
+    Fault("slab widened by nothing", "accelerators/bvh.py", "pad = 32.0 * slack", "pad = -32.0 * slack", "B1", "bvh"),
     Fault("constant offset of spawned rays", "interaction.py", "offset * scale", "np.full(scale.size, 1e-4)", "L1"),
     Fault("no offset of spawned rays", "interaction.py", "offset * scale", "0.0 * scale", "L2"),
     Fault(
