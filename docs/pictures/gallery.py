@@ -29,9 +29,9 @@ This page shows every scene in `scenes/` that you can name without a path, and `
 - correctness: `furnace`, in which every pixel is 1
 - media: `dusty_room`, `milk`; glTF: `watch.glb`
 
-The comment on top of a scene's file says more. Scenes for which this page names no source were made for raybench. `scenes/` also
-contains the folders `mobilert` (three scenes need meshes that raybench cannot ship), `scaling` (two scenes in five sizes) and
-`disagreements` ([scenes on which renderers differ](how/where_renderers_differ.md)), and `lantern.xml`, a Mitsuba scene.
+The comment on top of a scene's file says more. Scenes for which this page names no source were made for raybench. `scenes/`
+also contains the folders `mobilert` (three scenes need meshes that raybench cannot ship), `scaling` (two scenes in five sizes)
+and `disagreements` ([scenes on which renderers differ](how/where_renderers_differ.md)), and `lantern.xml`, a Mitsuba scene.
 
 ## Furnished scenes
 

@@ -66,9 +66,7 @@ class Experiment:
         "of each, by the name of its engine in tables. By default the commit of the experiment's folder.",
         None,
     )
-    repeats: int = key(
-        integer(1, 1000), "Blocks. Each measures every combination once, in random order, with another seed.", 3
-    )
+    repeats: int = key(integer(1, 1000), "Blocks. Each measures every combination once, in random order, with another seed.", 3)
     seed: int = key(SEED, "Seed of the first block; each further block adds one.", 1)
     aa_twin: bool = key(
         BOOLEAN,
