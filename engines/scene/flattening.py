@@ -1,4 +1,4 @@
-"""A scene without instances: copies of their shapes, for whatever draws none."""
+"""A scene without instances: copies of their shapes, for renderers that do not support instances."""
 
 from __future__ import annotations
 
@@ -63,9 +63,10 @@ def flattened(scene: Scene) -> Scene:
             copied += primitives_of(member) * (len(_unit(type(member)).faces) if in_triangles else 1)
             if copied > MAX_COPIED:
                 raise SceneError(f"copies of instances have more than {MAX_COPIED:,} triangles and other primitives in all")
-            shapes.append((_triangles if in_triangles else _copy)(member, shape.matrix, scene.materials))
-    made = content_hash(scene.camera, scene.materials, shapes, scene.lights, scene.media)
-    return replace(scene, shapes=tuple(shapes), content_hash=made)
+            made = _triangles(member, shape.matrix) if in_triangles else _copy(member, shape.matrix, scene.materials)
+            shapes.append(made)
+    digest = content_hash(scene.camera, scene.materials, shapes, scene.lights, scene.media)
+    return replace(scene, shapes=tuple(shapes), content_hash=digest)
 
 
 def _scale(linear: NDArray[np.float64]) -> float | None:
@@ -111,7 +112,7 @@ def _unit(kind: type) -> tessellate.Triangles:
     return tessellate.cylinder(SEGMENTS) if kind is Cylinder else tessellate.sphere(SEGMENTS, RINGS)
 
 
-def _triangles(shape: Single, matrix: NDArray[np.float64], _: Sequence[Material]) -> Mesh:
+def _triangles(shape: Single, matrix: NDArray[np.float64]) -> Mesh:
     """A mesh of a round shape."""
     unit = _unit(type(shape))
     if (spheres := as_spheres(shape)) is not None:
