@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from engines.errors import SceneError
 from engines.scene.cameras import LENS, PARALLEL
 from engines.scene.context import SceneReader
-from engines.scene.formats.texture import read_texels
+from engines.scene.formats.texture import FLOATS, read_texels
 from engines.scene.frames import LARGEST
 from engines.scene.geometry import read_only
 from engines.scene.plugins import PluginKind, all_options
@@ -249,12 +249,12 @@ def _image(given: Given, context: SceneReader) -> Any:
     else:
         file = context.place.find(node, given["image"])
         try:
-            image = read_texels(file).astype(np.float64) if file.suffix.lower() == ".hdr" else read_image(file)
+            image = read_texels(file).astype(np.float64) if file.suffix.lower() in FLOATS else read_image(file)
         except SceneError as problem:
             raise SceneError(f"{node.where}: {problem}") from problem
     if not np.isfinite([image.min(), image.max()]).all():
         raise node.refuse("holds radiance that is infinite or not a number")
-    image, negative = without_negative(image)
+    image, negative = without_negative(np.broadcast_to(image, (*image.shape[:2], 3)))
     if negative:
         context.warnings.append(f"{node.where}: {negative}")
     return image
@@ -288,7 +288,7 @@ _ENVIRONMENT = Record(
     {
         "radiance": Key(color(), "Radiance from all directions; with an image, a factor.", 1, unit="W/(sr m²)"),
         "image": Key(
-            IMAGE_FILE, "File of a latitude-longitude image, +y up, .exr, .hdr or 8-bit, relative to the scene's folder.", None
+            IMAGE_FILE, "File of a latitude-longitude image, +y up, .exr, .hdr, .pfm or 8-bit, relative to the scene's folder.", None
         ),
         "scale": Key(within(0, LARGEST), "Factor of the light.", 1),
         "rotation": Key(

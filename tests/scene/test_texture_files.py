@@ -214,6 +214,15 @@ def test_arrays_are_textures_too():
             pixels(".", wrong)
 
 
+@pytest.mark.parametrize(("letter", "texel"), [(b"F", [1.0, 0.5, 0.25]), (b"f", [0.5])])
+def test_an_environment_may_be_a_pfm_whose_first_row_is_the_lowest(tmp_path, letter, texel):
+    rows = np.array([[texel] * 2, [[0.0] * len(texel)] * 2], "<f4")
+    (tmp_path / "sky.pfm").write_bytes(b"P" + letter + b"\n2 2\n-1.0\n" + rows.tobytes())
+    (found,) = engines.scene_from({**SCENE, "lights": [{"environment": {"image": "sky.pfm"}}]}, folder=tmp_path).lights
+    expected = texel if len(texel) == 3 else texel * 3
+    assert found.image.tolist() == [[[0.0] * 3] * 2, [expected] * 2]
+
+
 def test_an_environment_may_be_hdr_or_an_array(tmp_path):
     (tmp_path / "sky.hdr").write_bytes(hdr([bytes((128, 64, 32, 129)) * 2], 2))
     light = {"image": "sky.hdr", "scale": 2, "radiance": [1, 2, 3], "rotation": [[0, 0, 1], [0, 1, 0], [1, 0, 0]]}

@@ -25,7 +25,8 @@ from engines.input_files import open_regular
 from engines.scene.formats.floats import read_hdr, read_pfm
 
 TEXTURE_SUFFIXES = (*SUFFIXES, ".hdr", ".pfm", ".tga")
-_FLOATS = {".hdr": read_hdr, ".pfm": read_pfm}
+FLOATS = {".hdr": read_hdr, ".pfm": read_pfm}
+"""Ending -> reader of formats that hold linear values and are not EXR."""
 CHANNELS = "rgba"
 _LETTERS = {1: "r", 2: "ra", 3: "rgb", 4: "rgba"}
 """What the channels of an image are; the first of a grey one is its grey, which `r`, `g` and `b` all mean."""
@@ -42,13 +43,13 @@ def read_texels(path: Path, data: bytes | None = None) -> NDArray[Any]:
         return _bitmap(path, PILLOW_FORMATS, data)
     file = readable(path, TEXTURE_SUFFIXES)
     suffix = file.suffix.lower()
-    if suffix != ".exr" and suffix not in _FLOATS:
+    if suffix != ".exr" and suffix not in FLOATS:
         return _bitmap(file, (*PILLOW_FORMATS, "TGA") if suffix == ".tga" else PILLOW_FORMATS)
     if suffix == ".exr":
         texels = _exr(file)
     else:
         with decoding(file), open_regular(file) as stream:
-            texels = _FLOATS[suffix](stream, lambda width, height: check_size(file, width, height, most_pixels(file)))
+            texels = FLOATS[suffix](stream, lambda width, height: check_size(file, width, height, most_pixels(file)))
     if not np.isfinite(texels).all():
         raise SceneError(f"{file}: holds values that are infinite or not a number")
     return texels
