@@ -288,7 +288,7 @@ _ENVIRONMENT = Record(
     {
         "radiance": Key(color(), "Radiance from all directions; with an image, a factor.", 1, unit="W/(sr m²)"),
         "image": Key(
-            IMAGE_FILE, "File of a latitude-longitude image, +y up, .exr, .hdr, .pfm or 8-bit, relative to the scene's folder.", None
+            IMAGE_FILE, "Latitude-longitude image, +y up: .exr, .hdr, .pfm or 8-bit, relative to the scene's folder.", None
         ),
         "scale": Key(within(0, LARGEST), "Factor of the light.", 1),
         "rotation": Key(

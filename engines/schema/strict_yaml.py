@@ -1,30 +1,29 @@
 """PyYAML made strict: nodes with lines, plain scalars as in the core schema of YAML 1.2, and limits; and its inverse, `Writer`.
 
+Events come from libyaml, which is ten times as fast as PyYAML's own parser. Its loader composes nodes by recursion in C, which
+crashes on deep nesting, so nodes are composed here.
+
 It is a module of its own because it needs PyYAML, which only programs that read text load.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from typing import Any
 
 from yaml.composer import Composer
+from yaml.cyaml import CParser  # pyright: ignore[reportAttributeAccessIssue]: of the compiled module
 from yaml.dumper import SafeDumper
 from yaml.error import Mark, MarkedYAMLError
 from yaml.events import AliasEvent, CollectionStartEvent, Event, ScalarEvent, SequenceStartEvent, StreamEndEvent
 from yaml.nodes import MappingNode, Node, ScalarNode
-from yaml.parser import Parser
-from yaml.reader import Reader
 from yaml.resolver import BaseResolver
-from yaml.scanner import Scanner
-from yaml.tokens import ScalarToken
 
 MAX_ALIASES = 1000
 MAX_DIGITS = 1000
 """Of a whole number: Python writes no more than 4300 in decimal, and messages show what was found."""
 MAX_NODES = 400_000
-"""Values in a file, each use of an alias counted in full. PyYAML reads some 20,000 a second."""
+"""Values in a file, each use of an alias counted in full. Some 200,000 are read in a second."""
 NO_ANCHOR: Any = None
 STR = "tag:yaml.org,2002:str"
 
@@ -36,7 +35,7 @@ class Refused(MarkedYAMLError):
         super().__init__(problem=problem, problem_mark=mark)
 
 
-class StrictComposer(Reader, Scanner, Parser, Composer, BaseResolver):
+class StrictComposer(Composer, CParser, BaseResolver):
     """`root()` is the node of a text's one document, or None where it has none.
 
     `value` of a node is a scalar, a list of nodes, or a dict of (key's node, node) by key, in which the sources of `<<` are
@@ -44,9 +43,7 @@ class StrictComposer(Reader, Scanner, Parser, Composer, BaseResolver):
     """
 
     def __init__(self, text: str, max_depth: int) -> None:
-        Reader.__init__(self, text)
-        Scanner.__init__(self)
-        Parser.__init__(self)
+        CParser.__init__(self, text)
         Composer.__init__(self)
         BaseResolver.__init__(self)
         self.max_depth = max_depth
@@ -117,11 +114,9 @@ class StrictComposer(Reader, Scanner, Parser, Composer, BaseResolver):
         return node
 
     def _scalar(self, event: ScalarEvent) -> Node:
-        if event.tag not in (None, "!") and (event.tag != STR or isinstance(event.value, _Flow)):
+        if event.tag not in (None, "!", STR):
             raise Refused(f"tag {event.tag!r}: tags are not allowed", event.start_mark)
         node = self.compose_scalar_node(NO_ANCHOR)
-        if isinstance(event.value, _Flow):
-            return self._flow(event, event.value)
         if event.implicit[0] and event.tag is None:
             try:
                 node.value = plain_scalar(event.value)
@@ -129,31 +124,8 @@ class StrictComposer(Reader, Scanner, Parser, Composer, BaseResolver):
                 raise Refused("a number with too many digits", event.start_mark) from problem
         return node
 
-    def fetch_flow_collection_start(self, TokenClass: Any) -> None:
-        """Reads a plain collection on one line at once, where PyYAML would take some hundred calls."""
-        end = self.buffer.find("\n", self.pointer)
-        line = self.buffer[self.pointer : end if end >= 0 else None].rstrip(" \r\0")
-        flow = None if self.flow_level else _flow_of(line, self.get_mark())
-        if flow is None:
-            super().fetch_flow_collection_start(TokenClass)
-            return
-        self.save_possible_simple_key()
-        self.allow_simple_key = False
-        start = self.get_mark()
-        self.pointer, self.index, self.column = (place + len(line) for place in (self.pointer, self.index, self.column))
-        token = ScalarToken(flow, True, start, self.get_mark())
-        token.id = line[0]  # as messages call it
-        self.tokens.append(token)
-
-    def _flow(self, event: Event, flow: _Flow) -> Node:
-        self._descend(event, flow.depth)
-        self.depth -= flow.depth
-        self.nodes += flow.nodes - 2  # the event has been counted, and is so once more
-        self._count(event, flow.values - 1)
-        return flow.node
-
     def _key(self, event: Event) -> Node:
-        if not isinstance(event, ScalarEvent) or isinstance(event.value, _Flow):
+        if not isinstance(event, ScalarEvent):
             raise Refused("keys are text", event.start_mark)
         self._count(event, 0)
         node = self._scalar(event)
@@ -172,7 +144,7 @@ class StrictComposer(Reader, Scanner, Parser, Composer, BaseResolver):
             if first is not key:
                 lines = f"first in line {line_of(first)}, again in line {line_of(key)}"
                 raise Refused(f"{key.value!r} is there twice: {lines}", key.start_mark)
-        if "<<" in children and children["<<"][0].style is None:  # in quotes it is a key as others are
+        if "<<" in children and not children["<<"][0].style:  # in quotes it is a key as others are
             key, merged = children.pop("<<")
             for source in merged.value if isinstance(merged.value, list) else [merged]:
                 if not isinstance(source.value, dict):
@@ -181,73 +153,6 @@ class StrictComposer(Reader, Scanner, Parser, Composer, BaseResolver):
                     children.setdefault(name, pair)
         node.value = children
         return node
-
-
-class _Flow(str):
-    """A list or mapping on one line, of numbers and plain words alone: its node, and how much it counts towards the limits."""
-
-    node: Node
-    nodes: int
-    values: int
-    depth: int
-
-
-class _Unusual(Exception):
-    """What PyYAML has to read."""
-
-
-_USUAL = re.compile(r"[\w.+\-,:\[\]{} ]+")
-_TOKEN = re.compile(r"[\[\]{},]|: |[\w.+-]+|:")
-_MARKS = {*"[]{},:-", ": "}
-USUAL_DEPTH = 8
-
-
-def _flow_of(line: str, mark: Mark) -> _Flow | None:
-    """The collection that is all of a line, None where there may be anything else in it."""
-    if line[-1:] not in ("]", "}") or _USUAL.fullmatch(line) is None:
-        return None
-    flow = _Flow(line)
-    flow.nodes = flow.values = flow.depth = 0
-    tokens, of_key = iter(_TOKEN.findall(line)), Node("", "", mark, mark)
-    try:
-        flow.node = _value(next(tokens), tokens, flow, of_key, 1)
-    except (_Unusual, StopIteration, ValueError):
-        return None
-    return flow if next(tokens, None) is None else None
-
-
-def _value(token: str, tokens: Iterator[str], flow: _Flow, of_key: Node, depth: int) -> Node:
-    """The node that begins with a token. Keys have the node `of_key`, which knows the line."""
-    flow.nodes += 1
-    flow.values += 1
-    mark = of_key.start_mark
-    if token not in ("[", "{"):
-        if token in _MARKS:
-            raise _Unusual
-        return Node("", plain_scalar(token), mark, mark)
-    if depth > USUAL_DEPTH:
-        raise _Unusual
-    flow.depth = max(flow.depth, depth)
-    items: list[Node] = []
-    pairs: dict[str, tuple[Node, Node]] = {}
-    is_list, end = token == "[", "]" if token == "[" else "}"
-    token = next(tokens)
-    while token != end:
-        if is_list:
-            items.append(_value(token, tokens, flow, of_key, depth + 1))
-        else:
-            if token in _MARKS or token in pairs or not isinstance(plain_scalar(token), str) or next(tokens) != ": ":
-                raise _Unusual
-            flow.nodes += 1
-            pairs[token] = of_key, _value(next(tokens), tokens, flow, of_key, depth + 1)
-        token = next(tokens)
-        if token == ",":
-            token = next(tokens)
-            if token == end:
-                raise _Unusual
-        elif token != end:
-            raise _Unusual
-    return Node("", items if is_list else pairs, mark, mark)
 
 
 def line_of(node: Node) -> int:

@@ -14,8 +14,8 @@
 
 YAML as in the core schema of 1.2: `1e-3` is a number, `yes` and `on` are text, dates are text. Refused with file and
 line: duplicate keys, tags other than !!str, keys that are not text, several documents, recursive aliases, and whatever
-passes the limits below. Anchors, aliases and `<<` merges work. PyYAML's C loader is not used: it crashes on deep
-nesting; nothing here recurses without a cap. It is imported where text is read: scenes can be had without it.
+passes the limits below. Anchors, aliases and `<<` merges work. Nothing here recurses without a cap. PyYAML is imported
+where text is read: scenes can be had without it.
 """
 
 from __future__ import annotations
@@ -137,9 +137,12 @@ def parse_yaml(text: str, name: str = "", error: type[RaybenchError] = SceneErro
         line = mark.line + 1 if mark else 0
         prefix = "" if isinstance(problem, Refused) else "not YAML: "
         raise error(f"{_where(origin, line, ())}: {prefix}{problem.problem or problem.context}") from problem
-    except yaml.reader.ReaderError as problem:
-        line = text[: problem.position].count("\n") + 1
+    except yaml.reader.ReaderError as problem:  # its position counts bytes
+        line = text.encode()[: problem.position].count(b"\n") + 1
         raise error(f"{_where(origin, line, ())}: not text: character #x{_code(problem.character):04x}") from problem
+    except UnicodeEncodeError as problem:
+        line = text[: problem.start].count("\n") + 1
+        raise error(f"{_where(origin, line, ())}: not text: character #x{ord(text[problem.start]):04x}") from problem
     except (ValueError, RecursionError, OverflowError) as problem:
         raise error(f"{_where(origin, 0, ())}: not YAML: {problem}") from problem
     if root is None:
