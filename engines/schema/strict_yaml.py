@@ -23,7 +23,7 @@ MAX_ALIASES = 1000
 MAX_DIGITS = 1000
 """Of a whole number: Python writes no more than 4300 in decimal, and messages show what was found."""
 MAX_NODES = 400_000
-"""Values in a file, each use of an alias counted in full. Some 200,000 are read in a second."""
+"""Values in a file, each use of an alias counted in full. Some 150,000 are read in a second."""
 NO_ANCHOR: Any = None
 STR = "tag:yaml.org,2002:str"
 
