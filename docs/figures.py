@@ -21,10 +21,10 @@ from typing import Any, NamedTuple
 from harness import open_results
 from harness.analysis.model import bias_sizes
 from harness.report.chapter.experiment import contended_cells, place
-from harness.report.tables.model import estimate_text, number_text
+from harness.report.tables.model import estimate_text
 
 ROOT = Path(__file__).resolve().parents[1]
-MARK = re.compile(r"(<!-- figures: ([^\n]*?) -->)(\n?).*?(<!-- end -->)", re.DOTALL)
+MARK = re.compile(r"(<!-- figures: ([^\n]*?) -->)(\n?)(?:(?!<!-- ).)*(<!-- end -->)", re.DOTALL)
 
 
 class Contestant(NamedTuple):
@@ -133,15 +133,14 @@ def seconds(race: Race, target: float) -> str:
 
 
 def brief(race: Race, target: float) -> str:
-    """Without intervals; who is not ranked has a star."""
+    """Without intervals, of which bounds stay; who is not ranked has a star."""
 
     def cell(scene: str, key: str) -> str:
         row = race.rows.get((scene, target, key))
         if row is None:
             return "-"
-        reached = isfinite(row.seconds)
-        text = number_text(row.seconds) if reached else "not reached"
-        if reached and key in race.possible(scene, target):
+        text = estimate_text(_estimate(row)).partition(" [")[0]
+        if key in race.possible(scene, target):
             return f"**{text}**"
         return text if race.ranked(scene, key) else rf"{text}\*"
 
@@ -154,9 +153,9 @@ def _cell(race: Race, scene: str, target: float, key: str) -> str:
     if row is None:
         return "–"
     text = estimate_text(_estimate(row))
-    if isfinite(row.seconds) and key in race.possible(scene, target):
-        value, _, interval = text.partition(" ")
-        text = f"**{value}** {interval}"
+    if key in race.possible(scene, target):
+        value, bracket, interval = text.partition(" [")
+        text = f"**{value}**{bracket}{interval}"
     letters = "".join(sorted({LETTERS[flag] for flag in row.flags.split()}))
     return f"{text} *{letters}*" if letters else text
 
@@ -223,10 +222,10 @@ def claims(race: Race) -> None:
         assert ours.seconds_low > other.seconds_high, f"embree is slower than {peer} on {scene}: {ours}, {other}"
         assert race.ranked(scene, "embree") and race.ranked(scene, peer), f"both are ranked on {scene}"
     for scene in race.scenes:
-        numba = race.at(scene, hardest, "numba").seconds
+        numba = race.at(scene, hardest, "numba").seconds_high
         for key in ("luxcore", "cycles"):
             if race.ranked(scene, key):
-                ratio = race.at(scene, hardest, key).seconds / numba
+                ratio = race.at(scene, hardest, key).seconds_low / numba
                 assert 3 < ratio < inf, f"LuxCore and Cycles take more than three times as long: {scene}, {key}: {ratio}"
     study = {key: race.ranked("study", key) for key in ("mitsuba", "mitsuba-random", "luxcore", "cycles")}
     assert [key for key, ranked in study.items() if ranked] == ["cycles"], f"of the peers Cycles is ranked on study: {study}"

@@ -52,9 +52,9 @@ def pairs(results: Results, verdicts: Sequence[Verdict]) -> Frame:
 def why_no_ratio(verdict: Verdict, baseline: Verdict | None, group: Sequence[Verdict] = ()) -> str:
     """Why a contestant of a race has no ratio to its baseline, or none at all; empty where it has one."""
     if verdict.disqualified:
-        return f"flagged, so not ranked: {verdict.disqualifying}"
+        return f"flagged, so not ranked: {verdict.why_not_ranked}"
     if baseline is not None and baseline.disqualified:
-        return f"{baseline.contestant.name} is flagged, so not ranked: {baseline.disqualifying}"
+        return f"{baseline.contestant.name} is flagged, so not ranked: {baseline.why_not_ranked}"
     if baseline is not None:
         return ""
     if verdict.contestant.settings.label:

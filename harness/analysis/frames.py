@@ -148,7 +148,7 @@ def verdicts(analysis: Analysis) -> Table:
             Column(
                 "persistent_spread",
                 "By how much two equal contestants differ in all blocks alike on this machine, from its A/A twins: a standard "
-                "deviation, which every interval contains. Unknown without twins: all is then unresolved.",
+                "deviation, by which the intervals of ratios are widened. Unknown without twins: all is then unresolved.",
                 "percent",
             ),
             Column("twins", "A/A twins of the machine that the persistent spread was found from.", "count"),

@@ -83,19 +83,27 @@ class Verdict:
     @property
     def disqualified(self) -> bool:
         """Whether a flag keeps it out of all rankings of its division."""
-        return bool(self.disqualifying)
+        return bool(self._disqualifying)
 
     @property
-    def disqualifying(self) -> str:
-        """The flags that do, in words."""
+    def why_not_ranked(self) -> str:
+        """The flags that keep it out, in words."""
+        return ", ".join(self._in_words(self._disqualifying))
+
+    @property
+    def _disqualifying(self) -> list[str]:
         allowed = OF_THE_TIME | OF_THE_ESTIMATOR if self.contestant.settings.division == "open" else OF_THE_TIME
-        return ", ".join(FLAGS[flag] for flag in self.flags if flag not in allowed)
+        return [flag for flag in self.flags if flag not in allowed]
 
     @property
     def warnings(self) -> list[str]:
         """The flags in words."""
+        return self._in_words(self.flags)
+
+    def _in_words(self, flags: Iterable[str]) -> list[str]:
+        """Flags, and by how much an image is biased."""
         size = bias_sizes(self.bias)
-        return [FLAGS[flag] + size.get(flag, "") for flag in self.flags]
+        return [FLAGS[flag] + size.get(flag, "") for flag in flags]
 
 
 def bias_sizes(bias: BiasEstimate | None) -> dict[str, str]:

@@ -39,11 +39,13 @@ class Sentence(NamedTuple):
     known: bool
 
 
-def sentences(analysis: Analysis) -> list[Sentence]:
+def sentences(analysis: Analysis, beside_winners: bool = True) -> list[Sentence]:
     """Every axis in turn, then contestants that differ from all others in several settings; behind these what has no ratio, and
-    why."""
+    why. Beside the lines of `winners` the ratios that these give are left out."""
     several = _of_several(analysis)
-    rows = pd.concat([analysis.by_axis, several[~_told_by_winners(analysis, several)]], ignore_index=True)
+    if beside_winners:
+        several = several[~_told_by_winners(analysis, several)]
+    rows = pd.concat([analysis.by_axis, several], ignore_index=True)
     groups: Any = rows.groupby(["axis", "value", "over"], sort=False)
     found = [_sentence(analysis, axis, value, over, own) for (axis, value, over), own in groups]
     told = {each.axis for each in found} | set(several.axis)
@@ -63,17 +65,19 @@ def sentences_text(analysis: Analysis) -> str:
 def _of_several(analysis: Analysis) -> Frame:
     """The rows of `comparisons` of contestants that are compared along no axis, with the columns `LABELS`."""
     found = analysis.comparisons
-    along = set(zip(analysis.by_axis.scene, analysis.by_axis.contestant, strict=True))
+    along = {(row.scene, name) for row in analysis.by_axis.itertuples() for name in (row.contestant, row.baseline)}
     alone = np.array([who not in along for who in zip(found.scene, found.contestant, strict=True)], bool)
     found = found[alone & (found.baseline != "") & (found.factor != AA)]
     return found.assign(axis=found.factor, value=found.contestant, over=found.baseline, settings="")
 
 
 def _told_by_winners(analysis: Analysis, rows: Frame) -> np.ndarray:
-    """Of rows of contestants: those of a race of two that every target has decided, as `winners` says in words, too."""
+    """Of rows of contestants: those of races of two that every target has decided, as `winners` says in words, too, on every
+    scene."""
     racing = analysis.comparisons[analysis.comparisons.factor != AA].groupby("race").contestant.nunique()
     open_races = set(rows.race[(rows.measure != PER_SAMPLE) & ~rows.verdict.isin(DECIDED)])
-    return np.array([racing[race] == 2 and race not in open_races for race in rows.race], bool)
+    told = pd.Series([racing[race] == 2 and race not in open_races for race in rows.race], rows.index, bool)
+    return told.groupby([rows.axis, rows.value, rows.over]).transform("all").to_numpy(bool)
 
 
 # --- one sentence ---------------------------------------------------------------------------------------------------
@@ -123,12 +127,24 @@ def _of_target(analysis: Analysis, words: _Words, value: str, over: str, rows: F
         parts.append(f"{words.start} {_shares(known, words.whose)}")
     if alike := told.get("same", []):
         parts.append(f"{'as soon' if known else words.alike} (within {same:g} %) on {_places(alike)}")
-    if within := told.get("unresolved", []):
+    within = told.get("unresolved", [])
+    if alone := [row for row in within if _decided_in_its_race(analysis, row)]:
+        within = [row for row in within if row not in alone]
+        start = "" if parts else f"{words.start} "
+        parts.append(f"{start}{_shares(alone, words.whose)} in the race of that scene alone, not in all scenes together")
+    if within:
         start = "" if parts else f"{words.start} {_range(within)} of {words.whose}: "
         parts.append(f"{start}not separated on {_places(within)}{_repeats(within, _family(analysis, rows), analysis)}")
     parts += _unreached(analysis, compared, value, over, every)
     parts += _not_compared([row for row in rows.itertuples() if row.no_ratio])
     return "; ".join(parts) + "."
+
+
+def _decided_in_its_race(analysis: Analysis, row: Any) -> bool:
+    """Whether the race of the scene finds a ratio faster or slower, which the axis, with more tests, does not."""
+    found = analysis.comparisons
+    own = (found.scene == row.scene) & (found.contestant == row.contestant) & (found.baseline == row.baseline)
+    return bool(found.verdict[own & (found.measure == row.measure)].isin(DECIDED).any())
 
 
 def _not_compared(rows: Sequence[Any]) -> Iterator[str]:

@@ -55,8 +55,8 @@ class Standing:
 
     @property
     def left_out(self) -> list[str]:
-        """Those that a flag disqualifies, each with its flags in words."""
-        return [f"{verdict.contestant.name} ({', '.join(verdict.warnings)})" for verdict in self.disqualified]
+        """Those that a flag disqualifies, each with the reason."""
+        return [f"{verdict.contestant.name} ({verdict.why_not_ranked})" for verdict in self.disqualified]
 
     @property
     def noisy(self) -> int:
@@ -77,6 +77,13 @@ class Standing:
         rival = min(rivals, key=lambda each: each.seconds)
         return estimate_text((1 / rival.ratio, 1 / rival.ratio_high, 1 / rival.ratio_low)), rival.contestant
 
+    def doubt(self, row: Any, other: str) -> str:
+        """What the verdict of the ratio of two says, where that is not that one is faster: it is one of several tests."""
+        verdict = next(
+            each.verdict for each in (row, *self.ranked) if {each.contestant, each.baseline} == {row.contestant, other}
+        )
+        return {"same": " (the same within the margin)", "unresolved": " (not separated by this ratio alone)"}.get(verdict, "")
+
 
 def standing(analysis: Analysis, panel: Panel, target: float) -> Standing:
     """Who is the fastest of a panel to a target."""
@@ -85,7 +92,7 @@ def standing(analysis: Analysis, panel: Panel, target: float) -> Standing:
 
 class Winner(NamedTuple):
     """What is known of a scene and target. `first` is the contestant that is the fastest, empty where none is alone so, and
-    `rivals` how many others raced."""
+    `rivals` how many others are ranked."""
 
     scene: str
     target: float
@@ -112,35 +119,35 @@ def winners_text(analysis: Analysis) -> str:
 
 def tally(found: Sequence[Winner]) -> str:
     """Who is first how often, of those that race with others."""
-    raced = [each.first for each in found if each.rivals]
+    raced = [each.first for each in found if each.rivals > 0]
     counts = Counter(filter(None, raced))
     told = [f"{name} is first in {count}" for name, count in counts.most_common()]
     unclear = len(raced) - counts.total()
-    parts = [_some(told), f"in {unclear} several may be the first, or none" if unclear else ""]
-    return f"Of {len(raced)} pairs of scene and target {'; '.join(filter(None, parts))}." if raced else ""
+    parts = [_some(told), f"in {unclear} no contestant alone is first" if unclear else ""]
+    return f"Of {len(raced)} races to a target {'; '.join(filter(None, parts))}." if raced else ""
 
 
 def _winner(panel: Panel, target: float, of: Standing) -> Winner:
     first = of.possible[0][1].contestant if len(of.possible) == 1 else ""
-    return Winner(panel.title, target, first, len(of.rows) - 1, "; ".join(_parts(of)))
+    return Winner(panel.title, target, first, len(of.ranked) - 1, "; ".join(_parts(of)))
 
 
 def _parts(of: Standing) -> Iterator[str]:
     if len(of.possible) == 1:
         ((verdict, best),) = of.possible
-        value, bracket, interval = seconds_text(best).partition(" [")
-        said = "is first, after" if len(of.rows) > 1 else "ran alone and took"
-        yield f"{best.contestant} {said} {value} s{bracket}{interval}"
+        _, bracket, interval = seconds_text(best).partition(" [")
+        alone = "is the only one ranked and took" if len(of.rows) > 1 else "ran alone and took"
+        yield f"{best.contestant} {'is first, after' if len(of.ranked) > 1 else alone} {_value(best)}{bracket}{interval}"
         ratio, other = of.ratio_of(best)
-        others = [row for row in of.ranked if row.reached and row is not best]
+        others = [row for row in of.ranked if isfinite(row.seconds) and row is not best]
         if others and (second := min(others, key=lambda row: row.seconds)).contestant != other:
-            yield f"{second.contestant} follows after {_value(second)} s"
+            yield f"the next is {second.contestant}, after {_value(second)}"
         if ratio:
-            yield f"{other} takes {ratio} times as long"
+            yield f"{other} takes {ratio} times as long{of.doubt(best, other)}"
         if verdict.warnings:
             yield f"beware: {', '.join(verdict.warnings)}"
     elif of.possible:
-        names = [f"{row.contestant} ({_value(row)} s)" for _, row in of.possible]
+        names = [f"{row.contestant} ({_value(row)})" for _, row in of.possible]
         yield f"not separated ({len(names)}): {_some(names)}"
     else:
         yield of.nobody
@@ -148,7 +155,7 @@ def _parts(of: Standing) -> Iterator[str]:
     if reached == 1 == len(of.possible) < out_of:
         yield "no other reached it"
     elif 0 < reached < out_of:
-        yield f"{reached} of {out_of} reached it"
+        yield f"{reached} of {out_of} contestants reached it in at least one repeat"
     if of.noisy and of.possible:
         yield f"the reference is too noisy for {of.noisy} of them, whose times are bounds"
     if of.reached and of.disqualified:
@@ -157,7 +164,9 @@ def _parts(of: Standing) -> Iterator[str]:
 
 
 def _value(row: Any) -> str:
-    return seconds_text(row).partition(" [")[0]
+    """Seconds without their interval."""
+    text = seconds_text(row).partition(" [")[0]
+    return f"{text} s" if text[-1:].isdigit() else text
 
 
 def _some(names: Sequence[str]) -> str:

@@ -226,6 +226,36 @@ def test_axes_that_vary_together_are_told_unless_they_are_those_of_two_contestan
     assert "threads: no ratio of threads alone" in sentences_text(analysis)
 
 
+def test_a_comparison_that_one_scene_has_decided_and_another_has_not_is_told_of_both(tmp_path):
+    made = twins(), contestant(0.005, engine="embree", threads=2)
+    also = twins(scene="yard"), contestant(0.0101, engine="embree", threads=2, scene="yard", noise=0.05)
+    (line,) = lines(analyse(results(tmp_path, *made, *also)), "engine and threads")
+    assert " on hall" in line and "not separated on yard" in line
+
+
+def test_a_ratio_is_told_once_where_the_baseline_is_not_the_first_value(tmp_path):
+    made = twins(0.01, sampler="random"), contestant(0.005, sampler="sobol")
+    analysis = analyse(results(tmp_path, *made, config={"baseline": {"sampler": "sobol"}}))
+    assert [row.contestant for row in analysis.comparisons.itertuples() if row.baseline and row.factor != "A/A"]
+    assert len(lines(analysis, "sampler")) == 1
+
+
+def test_a_sentence_says_where_the_race_of_a_scene_alone_decides(tmp_path):
+    """The verdicts of an axis hold for all scenes together, so that a ratio may be decided in its race and not there."""
+    scenes = {"hall": 0.0105, "yard": 0.01, "attic": 0.01, "shed": 0.01}
+    made = [twins(scene=scene, noise=0.001) for scene in scenes]
+    made += [contestant(seconds, scene=scene, sampler="sobol", noise=0.05) for scene, seconds in scenes.items()]
+    analysis = analyse(results(tmp_path, *made))
+    raced = analysis.comparisons[(analysis.comparisons.measure == TO) & (analysis.comparisons.baseline != "")]
+    raced = raced[raced.factor != "A/A"].set_index("scene").verdict
+    found = {scene: row.verdict for (_, _, scene, _), row in along(analysis, "sampler").items()}
+    alone = [scene for scene in scenes if raced[scene] in ("faster", "slower") and found[scene] == "unresolved"]
+    assert alone, (dict(raced), found)
+    (line,) = lines(analysis, "sampler")
+    assert "in the race of that scene alone, not in all scenes together" in line
+    assert all(f" on {scene}" in line.partition("in the race of that scene")[0] for scene in alone)
+
+
 def test_images_of_several_sizes_are_said_to_have_no_ratio(tmp_path):
     def wide(cell):
         cell.update(width=2 * cell["width"], cell_id=cell["cell_id"] + "wide")

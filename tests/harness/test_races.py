@@ -364,6 +364,16 @@ def test_no_ranking_contains_a_flagged_contestant(tmp_path, flagged):
     assert line.first == ("embree" if flagged == "numba" else "numba"), "of those that are left"
 
 
+def test_a_contestant_whose_only_rival_is_flagged_is_not_called_first(tmp_path):
+    (found,) = (
+        line
+        for line in winners(analyse(results(tmp_path, twins(), contestant(0.001, engine="embree", change=bright))))
+        if line.target == 0.01
+    )
+    assert found.text.startswith("numba is the only one ranked and took ") and found.rivals == 0
+    assert tally([found]) == ""
+
+
 def test_a_contended_contestant_is_ranked_and_warned_of(tmp_path):
     def busy(cell):
         cell["machine"] = {"contended": True}
@@ -379,14 +389,16 @@ def test_a_sentence_names_one_winner_and_how_far_it_is_ahead_or_all_that_may_be_
     close = results(tmp_path, *made, contestant(0.0101, engine="embree", noise=0.03))
     (first,), (second,) = ([line for line in winners(analyse(found)) if line.target == 0.01] for found in (clear, close))
     assert (first.first, first.rivals) == ("numba", 2)
-    told = r"numba is first, after (.+) s \[.*\]; embree follows after ([\d.]+) s; numpy takes ([\d.]+) \[.*\] times as long"
+    told = (
+        r"numba is first, after (.+) s \[.*\]; the next is embree, after ([\d.]+) s; numpy takes ([\d.]+) \[.*\] times as long"
+    )
     ahead = re.fullmatch(told, first.text)
     assert ahead and float(ahead[2]) == pytest.approx(3 * float(ahead[1]), rel=0.1), first.text
     assert float(ahead[3]) == pytest.approx(20, rel=0.1), "paired with the baseline, which numpy is"
     assert second.first == "" and re.fullmatch(r"not separated \(2\): \w+ \(.* s\), \w+ \(.* s\)", second.text)
     counted = [first, second, first._replace(first="embree"), first, first._replace(rivals=0)]
     assert tally(counted) == (
-        "Of 4 pairs of scene and target numba is first in 2, embree is first in 1; in 1 several may be the first, or none."
+        "Of 4 races to a target numba is first in 2, embree is first in 1; in 1 no contestant alone is first."
     )
 
 

@@ -193,7 +193,9 @@ def test_a_cell_of_the_matrix_says_what_the_winners_say(page, folder):
     for cell, line in zip(cells, lines, strict=True):
         text = " ".join(html.unescape(re.sub(r"<[^>]*>", "", cell)).split())
         said = line.split(": ", 1)[1].split("; ")[0]
-        if first := re.fullmatch(r"(.*?)(?: is first, after| ran alone and took) (.*) s(.*)", said):
+        if first := re.fullmatch(
+            r"(.*?)(?: is first, after| is the only one ranked and took| ran alone and took) (.*) s(.*)", said
+        ):
             assert text.startswith(first[1]) and f"{first[2]}{first[3]} s" in text
         elif said.startswith("not separated"):
             several, names = said.split(": ", 1)

@@ -82,7 +82,9 @@ def report_html(
     renders = "time_to_quality" in {table.name for table in tables}
     results, found = analysis.results, calibration.calibrate(analysis, calibration.OF_REPORTS)
     references = _references(results)
-    first, said = winners(analysis), sentences(analysis)
+    first = winners(analysis)
+    many = len(first) > MOST_WINNERS
+    said = sentences(analysis, beside_winners=not many)
     pictures = {"groups": [group.payload for group in groups], "maps": colour_maps()}
     return (
         _environment()
@@ -94,7 +96,8 @@ def report_html(
             matrix=matrix(analysis, found, references),
             colour_key=colour_key(analysis),
             winners=first,
-            tally=tally(first) if len(first) > MOST_WINNERS else "",
+            tally=tally(first) if many else "",
+            many=many,
             answers=[each for each in said if each.known],
             most_answers=MOST_LINES,
             unanswered=[each for each in said if not each.known],

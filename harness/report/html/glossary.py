@@ -23,7 +23,7 @@ TERMS = {
     "image baseline": "The contestant that the image of another is compared with: the most similar one of one engine, "
     "that of the config's baseline, else numpy, numba or embree.",
     "persistent spread": "By how much two equal contestants differ in all blocks alike, found from A/A twins: a standard "
-    "deviation, which every interval of a ratio contains.",
+    "deviation, by which the intervals of ratios, not of seconds, are widened.",
     "A/A twin": "A second name under which a contestant is measured again.",
     "contended": "Of a timing: other work took the processor for more than 5 % of the time.",
     "calibration": "A test of the verdicts on synthetic contestants of known truth, which have the noise of this run.",

@@ -59,7 +59,7 @@ export function showState(header) {
 // What is wrong with the first control whose value cannot be used; null where all can be.
 export function invalidEntry(form) {
   const found = Array.from(form.elements).find((control) => control.willValidate && !control.validity.valid);
-  found?.closest("details")?.setAttribute("open", "");
+  for (let around = found?.closest("details"); around; around = around.parentElement.closest("details")) around.open = true;
   return found ? `${found.labels[0]?.firstChild.textContent.trim() ?? found.name}: ${found.validationMessage}` : null;
 }
 
