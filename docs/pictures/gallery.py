@@ -19,19 +19,21 @@ PICTURES = DOCS / "pictures" / "gallery"
 FENCE = "console no-run: a picture of this size takes minutes"
 HEAD = """# Gallery
 
-This page shows every scene in `scenes/` that you can name without a path, and `watch.glb`. Choose a scene by its purpose:
+This page shows the scenes in `scenes/` that you can name without a path, and `watch.glb`. Choose a scene by its purpose:
 
 - a first comparison in seconds: `cornell_box`, `two_spheres`
 - comparing numba, Mitsuba, LuxCore and Cycles: `study`, whose materials all four support
 - timing in furnished rooms: `living_room`, `hall`, `classroom`
 - light sampling: `many_lights`, `veach_plates`; path guiding: `door`
 - accelerators: `teapot_stadium` and Haines' scenes (`gears`, `lattice`, `mount`, `rings`, `sphereflake`, `tetra`, `tree`)
+- materials: metals in `metals` and `workshop`, glass in `glassware` and `cabinet`, `principled` in `still_life`, masks in
+  `living_room` and `desk_lamp`, bump and normal maps in `workshop`
 - correctness: `furnace`, in which every pixel is 1
-- media: `dusty_room`, `milk`; glTF: `watch.glb`
+- media: `dusty_room`, `milk`; instances: `meadow`, with 3,800,000 triangles; glTF: `watch.glb`
 
 The comment on top of a scene's file says more. Scenes for which this page names no source were made for raybench. `scenes/`
-also contains the folders `mobilert` (three scenes need meshes that raybench cannot ship), `scaling` (two scenes in five sizes)
-and `disagreements` ([scenes on which renderers differ](how/where_renderers_differ.md)), and `lantern.xml`, a Mitsuba scene.
+also contains `lantern.xml`, a Mitsuba scene, and the folders `mobilert`, `scaling` (two scenes in five sizes) and `disagreements`
+([scenes on which renderers differ](how/where_renderers_differ.md)).
 
 ## Furnished scenes
 
@@ -57,7 +59,8 @@ FURNISHED = {
     "milk": 256,
     "watch": 64,
 }
-"""Samples per pixel of the scenes that are drawn in full size, 1280 x 720, in the order of the page."""
+"""Samples per pixel of the scenes that are drawn in full size, 1280 x 720, in the order of the page. Their captions end at the
+first colon: the pictures show the rest."""
 GLTF = {"watch": "A wrist watch on a leather strap, a glTF file with the camera and the lamps of a product photograph."}
 """What such a file shows: it has no comment."""
 SAMPLES = {
@@ -84,14 +87,11 @@ TEST_SCENES = """## Test scenes
 | :---: | --- |
 {}
 
-This command makes the first of these pictures:
+Most of these pictures have 256 samples per pixel. `docs/pictures/gallery.py` makes all of them. Its command for the first is:
 
 ```console with --engine numba --precision float64 --size 48x32 --spp 2 -o cornell_box.png
 $ {}
 ```
-
-The pictures have 256 samples per pixel, except: {}. Two have other options:
-{}.
 
 raybench's port of Dahlquist's program draws this picture of `dahlquist`, byte for byte equal to the original. Its background
 is an image; the path tracer shows a sky instead:
@@ -131,18 +131,15 @@ def words(name: str) -> str:
 
 def furnished(name: str) -> str:
     picture = f"![{name}](pictures/gallery/{name}.jpg)"
-    own = f"\n```{FENCE}\n$ {shlex.join(command(name))}\n```\n" if name in OPTIONS or name in GLTF else ""
-    return f"### {name}\n\n{picture}\n\n{words(name)} {FURNISHED[name]} samples.\n{own}"
+    caption = words(name).split(": ")[0].removesuffix(".")
+    own = f"\n```{FENCE}\n$ {shlex.join(command(name))}\n```\n" if name in OPTIONS else ""
+    return f"### {name}\n\n{picture}\n\n{caption}. {FURNISHED[name]} samples.\n{own}"
 
 
 def test_scenes(names: list[str]) -> str:
     """A table of pictures and of what each scene is."""
     rows = [f"| ![{name}](pictures/gallery/{name}.png)<br>`{name}` | {words(name)} |" for name in names]
-    samples = ", ".join(f"{count} of `{name}`" for name, count in SAMPLES.items())
-    others = ", and\n".join(
-        f"`{name}` with `{shlex.join(options)}`" for name, options in OPTIONS.items() if name not in FURNISHED
-    )
-    return TEST_SCENES.format("\n".join(rows), " ".join(command("cornell_box")), samples, others, PORT_COMMAND)
+    return TEST_SCENES.format("\n".join(rows), " ".join(command("cornell_box")), PORT_COMMAND)
 
 
 def draw(line: list[str]) -> None:

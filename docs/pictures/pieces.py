@@ -30,7 +30,6 @@ LAMP = {
     "material": "lamp",
 }
 SKY = {"environment": {"radiance": [0.2, 0.25, 0.33]}}
-DUSK = {"environment": {"radiance": [0.02, 0.025, 0.035]}}
 
 
 def staged(piece: dict[str, Any]) -> dict[str, Any]:
@@ -42,9 +41,7 @@ def staged(piece: dict[str, Any]) -> dict[str, Any]:
     if not any("plane" in shape for shape in shapes):
         shapes.append(FLOOR)
     lights = piece.get("lights")
-    if lights is None and any("emission" in material for material in own.values()):
-        lights = [DUSK]
-    elif lights is None:
+    if lights is None:
         lights = [SKY]
         shapes.append(LAMP)
     return {
