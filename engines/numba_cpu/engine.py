@@ -35,7 +35,7 @@ MADE = {
 
 class Engine:
     """Compiled for the scene, sixteen paths at a time; brute force, grid, BVH or area hierarchy. Float64 by default,
-    as accurate as the reference engine; float32 is nearly twice as fast."""
+    as accurate as the reference engine; float32 is faster."""
 
     name = "numba"
     lineage = "raybench-kernels"
