@@ -24,6 +24,7 @@ default_role = "code"
 smartquotes = False  # two dashes of an option are two dashes
 
 autodoc_member_order = "bysource"
+autodoc_preserve_defaults = True
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
 autodoc_class_signature = "mixed"
