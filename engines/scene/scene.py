@@ -37,7 +37,7 @@ FORMAT = 1
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
     """All that is rendered. `content_hash` identifies what the pixels depend on (not names, comments or key order). `shader`
-    is the shader that the file suggests, or None.
+    is the shader that the file names, or that its media need, or None.
 
     `native` is the Mitsuba file that the scene came from (`engines.scene.native`). If its `refusal` says why it cannot be
     imported, the other fields have no meaning, and engines that do not take such files decline the scene with that text.
@@ -104,7 +104,9 @@ def _materials(node: Located, context: SceneReader) -> None:
 
 def _scene(given: Given, context: SceneReader) -> Scene:
     camera, shapes, lights = given["camera"], given["shapes"] or [], given["lights"] or []
-    return assembled(context, given["name"] or context.name, camera, shapes, lights, media=given["media"] or ())
+    media = given["media"] or ()
+    shader = {"name": "volumetric_path_tracer"} if media else None  # others do not see media
+    return assembled(context, given["name"] or context.name, camera, shapes, lights, shader, media)
 
 
 def assembled(

@@ -209,8 +209,6 @@ def _by_images(
         zips.append({"scene": matrix.pop("scene"), "resolution": [[*_size(scene)] for scene in loaded]})
     else:
         written["resolution"] = [*(size or _size(loaded[0]))]
-    if "shader" not in axes and len(loaded) == 1 and loaded[0].shader is not None:
-        matrix["shader"] = [dict(loaded[0].shader)]
     single = {}
     if "precision" not in axes and (single := _only_single(engines, loaded, allowed)):
         matrix["precision"] = ["float32"]

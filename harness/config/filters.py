@@ -166,9 +166,9 @@ def _engine_names(found: Any) -> tuple[Any, ...]:
     return (found, split(found)[0]) if isinstance(found, str) else (found,)
 
 
-def _options(found: Choice) -> dict[str, Any]:
-    """The name and the options of a choice."""
-    return {"name": found.name, **found.options}
+def _options(found: Choice | None) -> dict[str, Any]:
+    """The name and the options of a choice; of a shader that the scene is to name there are none yet."""
+    return {} if found is None else {"name": found.name, **found.options}
 
 
 def _same(found: Any, expected: Any) -> bool:

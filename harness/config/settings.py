@@ -264,7 +264,12 @@ class Combination:
         "the budget's `max_spp` mean nothing.",
         None,
     )
-    shader: Choice = key(SHADER, "Name of a shader, or {name: ..., option: value}.", "path_tracer")
+    shader: Choice | None = key(
+        OrNull(SHADER),
+        "Name of a shader, or {name: ..., option: value}; null: the one that the scene's file names, "
+        "volumetric_path_tracer for other scenes with media, else path_tracer.",
+        None,
+    )
     sampler: Choice = key(SAMPLER, "Name of a sampler, or {name: ..., option: value}.", "sobol")
     accelerator: Choice = key(
         ACCELERATOR, "Name of an accelerator, or {name: ..., option: value}; auto lets the engine choose.", "auto"

@@ -180,7 +180,7 @@ def _configured(experiment: Experiment, combination: Combination, known: Loaded)
     width, height = combination.resolution or scene.camera.resolution
     memory.require(BYTES_A_PIXEL * width * height, f"{experiment.source} resolution: a cell of {width}x{height} pixels")
     settings = CellSettings(
-        shader=known.completed("shader", combination.shader),
+        shader=known.completed("shader", combination.shader or Choice.of(scene.shader or {"name": "path_tracer"})),
         sampler=known.completed("sampler", combination.sampler),
         accelerator=accelerator,
         precision=combination.precision or "float64",

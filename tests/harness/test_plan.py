@@ -43,6 +43,21 @@ def test_a_command_names_a_shipped_scene_by_its_name_and_others_by_path(tmp_path
     assert own.cells[0].command(4).startswith(f"raybench render {tmp_path / 'ball.yaml'} --engine")
 
 
+def test_without_a_shader_that_of_the_scene_is_taken_and_one_that_sees_its_media(tmp_path):
+    (tmp_path / "volpath.xml").write_text(
+        '<scene version="3.0.0"><integrator type="path"><integer name="max_depth" value="9"/></integrator>'
+        '<sensor type="perspective"/><shape type="sphere"/><emitter type="constant"/></scene>'
+    )
+    found = {}
+    for name in ("cornell_box", "milk", "volpath.xml"):
+        text = sweeping.EXPERIMENT.replace("ball.yaml", name).replace("['fake_engines:Steady', 'fake_engines:Other']", "[numpy]")
+        found[name] = planned(tmp_path, text).cells[0].settings.shader
+    assert (found["cornell_box"].name, found["milk"].name) == ("path_tracer", "volumetric_path_tracer")
+    assert (found["volpath.xml"].name, found["volpath.xml"].options["max_depth"]) == ("path_tracer", 9)
+    idle = planned(tmp_path, sweeping.EXPERIMENT + "exclude: [{shader: {name: no_shadows}}]\n")
+    assert len(idle.cells) == len(planned(tmp_path).cells)
+
+
 def test_a_command_allows_imports_where_the_cell_needs_them(tmp_path):
     plain = sweeping.EXPERIMENT.replace("['fake_engines:Steady', 'fake_engines:Other']", "[numpy]")
     commands = [planned(tmp_path, text).cells[0].command(4) for text in (sweeping.EXPERIMENT, plain)]
