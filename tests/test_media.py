@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import engines
-from engines import Settings
+from engines import Settings, Unsupported
 from engines.scene import (
     DirectionalLight,
     Disk,
@@ -157,7 +157,13 @@ def test_reflected_rays_stay_in_the_medium_of_their_side(engine):
 
 
 @pytest.mark.parametrize(
-    ("g", "back", "through"), [(0.0, 0.0275231, 0.0234199), (0.5, 0.00611625, 0.140520), (-0.3, 0.0730206, 0.00970056)]
+    ("g", "back", "through"),
+    [
+        (0.0, 0.0275231, 0.0234199),
+        (0.5, 0.00611625, 0.140520),
+        (-0.3, 0.0730206, 0.00970056),
+        (0.9999, 6.88147e-07, 4683752.0),
+    ],
 )
 def test_a_slab_scatters_once_as_its_phase_function_says(engine, g, back, through):
     """Albedo 0.8, irradiance 1 on the axis, seen from above and from below."""
@@ -195,6 +201,8 @@ def test_a_half_space_reflects_as_chandrasekhar_says(engine, cosine, truth):
     ("sigma", "g", "lit_by"),
     [
         (3.0, 0.8, "mis"),
+        (3.0, 1.0 - 1e-9, "mis"),
+        (3.0, -0.9999, "mis"),
         ((0.0, 0.5, 1.0), 0.0, "mis"),
         ((0.0, 0.5, 1.0), 0.0, "light"),
         ((0.5, 2.0, 8.0), 0.5, "bsdf"),
@@ -207,6 +215,16 @@ def test_a_furnace_of_white_medium_is_white(engine, sigma, g, lit_by):
     ball = Sphere((0.0, 0.0, 0.0), 1.0, 0, interior=0)
     made = scene([ball], [medium(sigma, 1.0, g)], [SKY], view((0.0, 0.3, 5.0), (0.0, 0.3, 0.0), 16))
     check(film(made, engine, 6, max_depth=200, direct=lit_by), 1.0, 0.05)
+
+
+def test_the_shortest_flights_end_below_the_surface_that_they_have_left(engine):
+    """Light from above reaches all of their ends through it."""
+    point, normal = np.array([100.0, 70.0, 130.0]), np.array([0.6, 0.48, 0.64])
+    plane, sun = Plane(tuple(point), tuple(normal), 0, interior=0), DirectionalLight(tuple(-normal), (1.0,) * 3)
+    camera = Perspective(tuple(point + 5.0 * normal), tuple(point), UP, 60.0, "y", (16, 16))
+    made = scene([plane], [medium(1e-3, 1.0)], [sun], camera)
+    image = film(made, engine, sampler={"name": "constant", "value": 0.0}, max_depth=2)
+    assert image == pytest.approx(0.25 / math.pi, rel=1e-3)
 
 
 # ---- null lobes --------------------------------------------------------------------------------------------------------
@@ -316,6 +334,25 @@ def test_a_camera_that_moves_into_a_medium_starts_in_it(engine):
     assert renderer.render(1).mean() == pytest.approx(1.0)
     renderer.update(camera=replace(outside, medium=0))
     check(renderer.render(8).mean(), math.exp(-1.0))
+
+
+def test_media_that_the_scene_does_not_have_are_refused(engine):
+    ball = Sphere((0.0, 0.0, 0.0), 1.0, 0, interior=0)
+    made, settings = scene([ball], [medium()], [SKY]), Settings(shader=volumetric(), sampler="random", precision=engine[1])
+    renderer = engines.engine(engine[0]).prepare(made, settings)
+    before = renderer.render(1).mean()
+    shown = Instance(Group("group", (replace(ball, exterior=1),)), np.eye(3, 4))
+    for change, said in (
+        ({"camera": replace(made.camera, medium=7)}, r"^camera\.medium = 7: must be a place among the 1 media of the scene$"),
+        ({"camera": replace(made.camera, medium=-1)}, r"^camera\.medium = -1: "),
+        ({"shapes": (ball, replace(ball, interior=7))}, r"^shapes\[1\]: shape\.interior = 7: "),
+        ({"shapes": (shown,)}, r"^groups\.group\[0\]: shape\.exterior = 1: "),
+    ):
+        with pytest.raises(Unsupported, match=said):
+            engines.engine(engine[0]).prepare(replace(made, **change), settings)
+        with pytest.raises(Unsupported, match=said):
+            renderer.update(**change)
+    assert np.array_equal(renderer.render(0).mean(), before)
 
 
 def test_an_orthographic_camera_in_a_medium_sees_depth(engine):

@@ -124,16 +124,20 @@ class Media:
 
     def pdf(self, at: MediumInteraction, wi: Array) -> Array:
         """(n,) per solid angle, with which `sample` finds directions: the phase function itself."""
-        return _henyey_greenstein(self.g[at.medium], -dot(at.wo, wi))
+        g = self.g[at.medium]
+        # not from the cosine: at the peak it rounds to 1, while the difference of directions keeps their angle
+        off = at.wo + np.where(g < 0.0, -1.0, 1.0) * wi
+        return _henyey_greenstein(g, 0.5 * dot(off, off))
 
     def sample(self, at: MediumInteraction, u0: Array, u1: Array) -> tuple[Array, Array]:
         """Unit directions (3, n) in which light is scattered, and their pdf per solid angle (n,)."""
-        g, x, phi = self.g[at.medium], 1.0 - 2.0 * u0, 2.0 * np.pi * u1
-        square = x * x
-        cosine = (-x + 0.5 * g * (3.0 + square) - g * g * x + 0.5 * g**3 * (square - 1.0)) / (1.0 - g * x) ** 2
-        cosine = np.clip(cosine, -1.0, 1.0)
-        sine = np.sqrt(1.0 - cosine * cosine)
-        return along(sine * np.cos(phi), sine * np.sin(phi), cosine, -at.wo), _henyey_greenstein(g, cosine)
+        g, phi = self.g[at.medium], 2.0 * np.pi * u1
+        size, share = np.abs(g), np.where(g < 0.0, 1.0 - u0, u0)
+        ratio = (1.0 - size) / (1.0 - size + 2.0 * size * share)
+        versine = 2.0 * (1.0 - share) * (1.0 + size * share) * ratio * ratio
+        cosine = np.where(g < 0.0, versine - 1.0, 1.0 - versine)
+        sine = np.sqrt(np.maximum(versine * (2.0 - versine), 0.0))
+        return along(sine * np.cos(phi), sine * np.sin(phi), cosine, -at.wo), _henyey_greenstein(g, versine)
 
 
 def _channel(throughput: Array, u: Array) -> tuple[Indices, Array]:
@@ -143,6 +147,8 @@ def _channel(throughput: Array, u: Array) -> tuple[Indices, Array]:
     return channel, np.minimum((u * total - begin) / size, BELOW_ONE)
 
 
-def _henyey_greenstein(g: Array, cosine: Array) -> Array:
-    """(n,) per solid angle, of scattering by angles with these cosines (Henyey and Greenstein 1941)."""
-    return (1.0 - g * g) / (4.0 * np.pi * (1.0 + g * g - 2.0 * g * cosine) ** 1.5)
+def _henyey_greenstein(g: Array, versine: Array) -> Array:
+    """(n,) per solid angle, of scattering by angles with these versines, 1 minus the cosine, from the peak of the phase
+    function (Henyey and Greenstein 1941)."""
+    size, least = np.abs(g), 1.0 - np.abs(g)
+    return least * (1.0 + size) / (4.0 * np.pi * (least * least + 2.0 * size * versine) ** 1.5)

@@ -83,8 +83,9 @@ def _medium_vertices(
 
 
 def _interaction(context: Context, paths: Paths, flight: Array, distance: Array) -> MediumInteraction:
-    """Where the flights end: not so near to the surface that rounding could put a ray from there behind it."""
+    """Where the flights end: so far from the surfaces behind and ahead that rounding puts no ray from there beyond them."""
     offset = context.tracer.offset * np.maximum(np.abs(paths.origin).max(axis=0, initial=0.0), flight)
     nearest = np.maximum(distance - offset, 0.5 * distance)
-    point = paths.origin + (np.minimum(flight, nearest) - paths.lead) * paths.direction
+    place = np.minimum(np.maximum(flight, paths.lead), nearest)
+    point = paths.origin + (place - paths.lead) * paths.direction
     return MediumInteraction(point, -paths.direction, paths.medium, offset)

@@ -10,6 +10,7 @@ import numpy as np
 from engines.scene.bsdf_tree import leaves, members, own_values
 from engines.scene.cameras import CustomCamera
 from engines.scene.lights import CustomLight
+from engines.scene.media import SIDES
 from engines.scene.models import CustomBSDF
 from engines.scene.scene import Scene, attributes_lack
 from engines.scene.shapes import Instance, emitting, groups_of, singles
@@ -31,10 +32,13 @@ def _groups_emit(scene: Scene) -> str | None:
 
 KINDS = ("camera", "shape", "light", "medium", "BSDF", "texture")
 """Kinds of the parts of a scene."""
+MEDIA = {"camera": ("medium",), "shape": SIDES}
+"""Fields that are places in `Scene.media`, by kind."""
 
 
 def foreign(scene: Scene, known: Collection[type], who: str, kinds: Collection[str] = KINDS) -> str | None:
-    """One sentence on the first part of a scene whose type is not among `known`, those that `who` translates, or None.
+    """One sentence on the first part of a scene whose type is not among `known`, those that `who` translates, or that is in a
+    medium which the scene does not have; or None.
 
     Whatever translates scenes asks this first: what it does not know is refused, and never guessed.
     """
@@ -43,6 +47,10 @@ def foreign(scene: Scene, known: Collection[type], who: str, kinds: Collection[s
             plugin = getattr(part, "plugin", None)
             name = type(part).__name__ if plugin is None else f"plugin {_name_of(plugin)!r}"
             return f"{where}{who} does not support the {kind} {name}"
+        for field in MEDIA.get(kind, ()):
+            place = getattr(part, field, None)
+            if place is not None and place not in range(len(scene.media)):
+                return f"{where}{kind}.{field} = {place!r}: must be a place among the {len(scene.media)} media of the scene"
     return None
 
 

@@ -8,11 +8,14 @@ from scipy.stats import qmc
 
 from engines.choices import Choice
 from engines.kernels.compile.jit import inline
+from engines.kernels.flatten.media import medium_rows
 from engines.kernels.lane.elementary import arctan2, erfcx, exp, log
 from engines.kernels.lane.fresnel import refract
+from engines.kernels.lane.media import phase, sample_phase
 from engines.kernels.lane.vector import Vec3, dot, sin_cos_turn, tangents
 from engines.kernels.stages import sampler
-from tests.numpy_reference.small_scenes import GLASS_REFLECTANCE
+from engines.scene import HomogeneousMedium
+from tests.numpy_reference.small_scenes import GLASS_REFLECTANCE, henyey_greenstein
 
 TYPES = [np.float32, np.float64]
 
@@ -134,3 +137,39 @@ def test_exponential_logarithm_and_error_function_are_within_a_few_ulps(real):
     for got, want, ulps in zip(found, expected, (2, 2, 5), strict=True):
         assert got.dtype == real
         assert (np.abs(got - want) <= ulps * np.finfo(real).eps * np.abs(want)).all()
+
+
+@njit
+def _scattered(g, direction, u):
+    wi, pdf, again = np.empty((3, len(u)), u.dtype), np.empty_like(u), np.empty_like(u)
+    d = Vec3(direction[0], direction[1], direction[2])
+    for i in range(len(u)):
+        found, pdf[i] = sample_phase(g, d, u[i], direction[0])
+        wi[0, i], wi[1, i], wi[2, i] = found.x, found.y, found.z
+        again[i] = phase(g, d, found)
+    return wi, pdf, again
+
+
+@pytest.mark.parametrize("real", TYPES)
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("least", [0.3, 1e-3, 1e-6, None])
+def test_phase_functions_are_precise_however_narrow_their_peak_is(real, side, least):
+    eps, u = np.finfo(real).eps, (np.arange(1, 1024, 11) / 1024).astype(real)
+    g = real(side) * real(1.0 - (eps / 2 if least is None else least))
+    wi, pdf, again = _scattered(g, np.array([0, 0, 1], real), u)
+    cosine, sine, density = henyey_greenstein(g, u)
+    assert wi.dtype == pdf.dtype == again.dtype == real
+    assert np.abs(wi[2] - cosine).max() <= 4 * eps
+    assert np.abs(wi[0] / sine - 1.0).max() <= 400 * eps
+    assert np.abs(pdf / density - 1.0).max() <= 40 * eps
+    assert (again > 0.0).all()
+    assert np.abs(again / density - 1.0).max() <= 40 * eps / (1.0 - abs(g))
+
+
+@pytest.mark.parametrize("real", TYPES)
+def test_no_precision_rounds_a_phase_function_to_a_single_direction(real):
+    gs = [1.0 - 2.0**-k for k in (20, 30, 53)]
+    rows = medium_rows([HomogeneousMedium("m", (1.0,) * 3, (1.0,) * 3, side * g) for side in (1, -1) for g in gs], real)
+    assert rows.dtype == real
+    assert (np.abs(rows[:, -1]) < 1.0).all()
+    assert rows[:3, -1] == pytest.approx(gs, rel=np.finfo(real).eps)

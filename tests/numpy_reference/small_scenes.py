@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from decimal import Decimal, localcontext
+
 import numpy as np
 
 from engines.interface import Settings
@@ -32,6 +34,19 @@ GLASS_REFLECTANCE = (
     (89, 0.9041849497801886),
 )
 """Of glass from outside: degrees and Fresnel's reflectance."""
+
+
+def henyey_greenstein(g, u):
+    """Cosines and sines of angles that numbers in [0, 1) choose, by the inversion in 60 digits, and pdfs per solid angle."""
+    with localcontext() as context:
+        context.prec = 60
+        g, found = Decimal(float(g)), []
+        for x in map(Decimal, np.asarray(u, np.float64).tolist()):
+            root = (1 - g * g) / (1 - g + 2 * g * x)
+            cosine = (1 + g * g - root * root) / (2 * g)
+            found.append((cosine, (1 - cosine * cosine).sqrt(), (1 - g * g) / root**3))
+        cosine, sine, pdf = np.array(found, np.float64).T
+    return cosine, sine, pdf / (4.0 * np.pi)
 
 
 def scene(shapes=(), materials=(), lights=(), camera=AHEAD):

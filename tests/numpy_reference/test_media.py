@@ -17,9 +17,11 @@ from engines.numpy_reference.vectors import dot
 from engines.scene import CustomBSDF, EnvironmentLight, HomogeneousMedium, Material, Perspective, Plane, PointLight, Scene
 from engines.scene.light_hierarchy import light_hierarchy
 from tests.numpy_reference.bsdf_points import LommelSeeliger
-from tests.numpy_reference.small_scenes import AHEAD
+from tests.numpy_reference.small_scenes import AHEAD, henyey_greenstein
 
 GS = (0.0, 1e-9, 0.3, -0.7, 0.95)
+PEAKS = tuple(side * (1.0 - least) for side in (1.0, -1.0) for least in (1e-4, 1e-10, 2.0**-53))
+"""Such that all light goes on in nearly one direction."""
 
 
 def media(*rows):
@@ -45,14 +47,16 @@ def test_the_phase_function_is_a_density_whose_mean_cosine_is_g(g):
     assert np.array_equal(medium.evaluate(at, wi), np.stack([medium.pdf(at, wi)] * 3))
 
 
-@pytest.mark.parametrize("g", [g for g in GS if abs(g) > 1e-3])
-def test_cosines_are_those_of_henyey_and_greensteins_inversion(g):
-    u = np.linspace(0.0, 1.0 - 2.0**-20, 4001)
+@pytest.mark.parametrize("g", [0.3, -0.7, 0.95, *PEAKS])
+def test_directions_are_those_of_henyey_and_greensteins_inversion_and_have_its_density(g):
+    u = np.arange(1, 1024, 11) / 1024
     medium, at = scattering(g, u.size)
     wi, pdf = medium.sample(at, u, np.zeros(u.size))
-    square = (1.0 - g * g) / (1.0 - g + 2.0 * g * u)
-    assert wi[2] == pytest.approx((1.0 + g * g - square**2) / (2.0 * g), abs=1e-10)
-    assert pdf == pytest.approx(medium.pdf(at, wi), rel=1e-6)
+    cosine, sine, density = henyey_greenstein(g, u)
+    assert wi[2] == pytest.approx(cosine, abs=1e-12)
+    assert wi[0] / sine == pytest.approx(1.0, rel=1e-12)
+    assert pdf / density == pytest.approx(1.0, rel=1e-12)
+    assert medium.pdf(at, wi) / density == pytest.approx(1.0, rel=1e-12 + 1e-15 / (1.0 - abs(g)))
 
 
 @pytest.mark.parametrize("wo", [(0.0, 0.0, -1.0), (0.6, 0.0, 0.8), (0.48, -0.64, 0.6)])

@@ -32,13 +32,7 @@ class Fault(NamedTuple):
 
 
 FAULTS = [
-    Fault(
-        "phase function: backwards",
-        "media.py",
-        "self.g[at.medium], -dot(at.wo, wi)",
-        "self.g[at.medium], dot(at.wo, wi)",
-        "med.once",
-    ),
+    Fault("phase function: backwards", "media.py", "at.wo + np.where(", "at.wo - np.where(", "med.once"),
     Fault(
         "media: interior and exterior exchanged", "media.py", "cosine, -cosine) > 0.0", "cosine, -cosine) < 0.0", "med.absorb"
     ),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +15,11 @@ NO_BOUNDARY = -1
 """In place of both media of a surface that changes none."""
 
 
-def medium_rows(media: Sequence[HomogeneousMedium]) -> NDArray[np.float64]:
-    """(m + 1, numbers of a row); the last is vacuum."""
-    rows = [MediumRow.packed(sigma_t=each.sigma_t, albedo=each.albedo, g=each.g) for each in media]
-    return np.array([*rows, MediumRow.packed()], np.float64)
+def medium_rows(media: Sequence[HomogeneousMedium], real: type) -> NDArray[Any]:
+    """(m + 1, numbers of a row) in precision `real`; the last is vacuum."""
+    most = 1.0 - float(np.finfo(real).epsneg)  # what is nearer to 1 would be rounded to it
+    rows = [MediumRow.packed(sigma_t=each.sigma_t, albedo=each.albedo, g=np.clip(each.g, -most, most)) for each in media]
+    return np.array([*rows, MediumRow.packed()], real)
 
 
 def medium_sides(shapes: Sequence[Shape], first_id: Sequence[int], primitives: int, vacuum: int) -> NDArray[np.int32]:

@@ -103,7 +103,7 @@ def flatten(scene: Scene, real: type, tracing: type) -> FlatScene:
     _bind_programs(flat, geometry, programs)
     _bind_lights(flat, lights, frames)
     if scene.media:
-        flat.bind(SceneTable.media, medium_rows(scene.media).astype(real))
+        flat.bind(SceneTable.media, medium_rows(scene.media, real))
         flat.bind(SceneTable.medium_sides, medium_sides(scene.shapes, geometry.first_id, geometry.n, len(scene.media)))
     return flat
 

@@ -81,23 +81,36 @@ def flight_weight(sigma_t, throughput, way, scattered):
 
 
 @inline
-def phase(g, cosine):
-    """Per solid angle, of scattering by an angle of this cosine (Henyey and Greenstein 1941)."""
-    x = 1.0 + g * g - 2.0 * g * cosine
-    return (1.0 - g * g) * SPHERE_PDF / (x * sqrt(x))
+def _henyey_greenstein(g, versine):
+    """Per solid angle, of scattering by an angle of this versine, 1 minus the cosine, from the peak of the phase function
+    (Henyey and Greenstein 1941)."""
+    size = abs(g)
+    least = 1.0 - size
+    x = least * least + 2.0 * size * versine
+    return least * (1.0 + size) * SPHERE_PDF / (x * sqrt(x))
+
+
+@inline
+def phase(g, direction, wi):
+    """Per solid angle, of scattering from `direction` to `wi`."""
+    # not from the cosine: at the peak it rounds to 1, while the difference of directions keeps their angle
+    off = direction - wi * select(g < 0.0, -1.0, 1.0)
+    return _henyey_greenstein(g, 0.5 * dot(off, off))
 
 
 @inline
 def sample_phase(g, direction, u0, u1):
     """(the direction in which a ray along `direction` is scattered, its pdf per solid angle)."""
-    x = 1.0 - 2.0 * u0
-    square, scale = x * x, 1.0 - g * x
-    cosine = (-x + 0.5 * g * (3.0 + square) - g * g * x + 0.5 * g * g * g * (square - 1.0)) / (scale * scale)
-    cosine = select(cosine > -1.0, select(cosine < 1.0, cosine, 1.0), -1.0)
+    size, share = abs(g), select(g < 0.0, 1.0 - u0, u0)
+    least = 1.0 - size
+    ratio = least / (least + 2.0 * size * share)
+    versine = 2.0 * (1.0 - share) * (1.0 + size * share) * ratio * ratio
+    square, cosine = versine * (2.0 - versine), 1.0 - versine
+    sine = sqrt(select(square > 0.0, square, 0.0))
     sin_phi, cos_phi = sin_cos_turn(u1)
-    sine = sqrt(1.0 - cosine * cosine)
     t, b = tangents(direction)
-    return t * (sine * cos_phi) + b * (sine * sin_phi) + direction * cosine, phase(g, cosine)
+    wi = t * (sine * cos_phi) + b * (sine * sin_phi) + direction * select(g < 0.0, -cosine, cosine)
+    return wi, _henyey_greenstein(g, versine)
 
 
 @inline

@@ -80,7 +80,8 @@ def _store_arrival(rays, lane, offset_scale, zero, hides):
     offset = offset_scale * select(size > flight, size, flight)
     nearest, half = distance - offset, 0.5 * distance
     nearest = select(nearest > half, nearest, half)
-    point = o + d * (select(flight < nearest, flight, nearest) - lead)
+    place = select(flight > lead, flight, lead)
+    point = o + d * (select(place < nearest, place, nearest) - lead)
     rays.hit.kind[lane] = select(scattered, np.int32(MEDIUM), np.int32(hit.kind))
     rays.hit.point[lane] = select(scattered, point, hit.point)
     rays.hit.normal[lane] = select(scattered, none, hit.normal)

@@ -270,7 +270,7 @@ def _store_media(rays, lane, si, light, result, goes, offset, shading):
 def _scattering_at(rays, lane, si, path, draws, bsdf, in_medium):
     """That of the BSDF, or of the medium's phase function."""
     g, one = rays.flight.g[lane], const(1.0, si.t)
-    value = phase(g, dot(si.direction, rays.light_sample.wi[lane]))
+    value = phase(g, si.direction, rays.light_sample.wi[lane])
     wi, pdf = sample_phase(g, si.direction, draws.u0, draws.u1)
     sample = BSDFSample(wi, Spectrum(WHITE, one), pdf, False, largest(path.throughput) > 0.0)
     return Scattering(
