@@ -6,16 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from engines.numpy_reference.lights.interface import LightSample, triples
+from engines.numpy_reference.lights.interface import LightSample, LightSet, triples
 from engines.numpy_reference.vectors import Array, Indices
 from engines.scene import DirectionalLight
 
 
-class DirectionalLights:
+class DirectionalLights(LightSet):
     """All directional lights of a scene."""
-
-    delta = True
-    infinite = False
 
     def __init__(self, lights: Sequence[DirectionalLight]) -> None:
         self._towards, self._irradiance = -triples(lights, "direction"), triples(lights, "irradiance")

@@ -43,9 +43,9 @@ class LightSet(Protocol):
     those that are `infinite`, which are `InfiniteLightSet`s; area lights are found as surfaces (`AreaLights`).
     """
 
-    delta: bool
+    delta: bool = True
     """Whether they have no size: then they are always sampled, and never weighted."""
-    infinite: bool
+    infinite: bool = False
     """Whether rays that hit nothing find them."""
 
     def __init__(self, lights: Sequence[Any]) -> None:

@@ -6,16 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from engines.numpy_reference.lights.interface import LightSample, triples
+from engines.numpy_reference.lights.interface import LightSample, LightSet, triples
 from engines.numpy_reference.vectors import Array, Indices, dot, norm
 from engines.scene import PointLight
 
 
-class PointLights:
+class PointLights(LightSet):
     """All point lights of a scene."""
-
-    delta = True
-    infinite = False
 
     def __init__(self, lights: Sequence[PointLight]) -> None:
         self._position, self._intensity = triples(lights, "position"), triples(lights, "intensity")

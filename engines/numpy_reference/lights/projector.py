@@ -7,16 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from engines.numpy_reference.lights.frames import Frames
-from engines.numpy_reference.lights.interface import LightSample, triples
+from engines.numpy_reference.lights.interface import LightSample, LightSet, triples
 from engines.numpy_reference.vectors import Array, Indices, dot, norm
 from engines.scene import ProjectorLight
 
 
-class ProjectorLights:
+class ProjectorLights(LightSet):
     """All projectors of a scene."""
-
-    delta = True
-    infinite = False
 
     def __init__(self, lights: Sequence[ProjectorLight]) -> None:
         self._position, self._direction = triples(lights, "position"), triples(lights, "direction")

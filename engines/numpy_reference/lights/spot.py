@@ -7,16 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from engines.numpy_reference.lights.frames import Frames
-from engines.numpy_reference.lights.interface import LightSample, triples
+from engines.numpy_reference.lights.interface import LightSample, LightSet, triples
 from engines.numpy_reference.vectors import Array, Indices, cross, dot, norm
 from engines.scene import SpotLight
 
 
-class SpotLights:
+class SpotLights(LightSet):
     """All spot lights of a scene."""
-
-    delta = True
-    infinite = False
 
     def __init__(self, lights: Sequence[SpotLight]) -> None:
         self._position, self._direction = triples(lights, "position"), triples(lights, "direction")
