@@ -11,7 +11,7 @@ from engines.numpy_reference.bsdf.fresnel import fresnel_conductor
 from engines.numpy_reference.bsdf.interface import BSDF, BSDFSample, Lobes, mirrored, reflects
 from engines.numpy_reference.interaction import SurfaceInteraction
 from engines.numpy_reference.textures import ColorParameter
-from engines.numpy_reference.vectors import Array, Indices, dot, unit
+from engines.numpy_reference.vectors import Array, Indices, columns, dot, unit
 from engines.scene import Conductor
 
 
@@ -23,9 +23,7 @@ class ConductorBSDF(BSDF):
     """
 
     def __init__(self, leaves: Sequence[Conductor]) -> None:
-        self._eta, self._k = (
-            np.array([getattr(leaf, name) for leaf in leaves], np.float64).reshape(-1, 3).T.copy() for name in ("eta", "k")
-        )
+        self._eta, self._k = columns(leaves, "eta"), columns(leaves, "k")
         self._reflectance = ColorParameter([leaf.reflectance for leaf in leaves])
         self._roughness = Roughness(leaves)
         self._smooth = self._roughness.smooth

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from engines.numpy_reference.lights.interface import LightSample, LightSet, triples
-from engines.numpy_reference.vectors import Array, Indices
+from engines.numpy_reference.lights.interface import LightSample, LightSet
+from engines.numpy_reference.vectors import Array, Indices, columns
 from engines.scene import DirectionalLight
 
 
@@ -15,7 +15,7 @@ class DirectionalLights(LightSet):
     """All directional lights of a scene."""
 
     def __init__(self, lights: Sequence[DirectionalLight]) -> None:
-        self._towards, self._irradiance = -triples(lights, "direction"), triples(lights, "irradiance")
+        self._towards, self._irradiance = -columns(lights, "direction"), columns(lights, "irradiance")
 
     def sample(self, light: Indices, point: Array, normal: Array, u0: Array, u1: Array, uc: Array) -> LightSample:
         """The same from every point."""

@@ -66,8 +66,3 @@ class InfiniteLightSet(LightSet, Protocol):
     def pdf(self, light: int, direction: Array, normal: Array) -> Array:
         """(n,) per solid angle, with which `sample` finds the directions from points with these normals, 0 in media."""
         ...
-
-
-def triples(lights: Sequence[Any], name: str) -> Array:
-    """(3, m) an attribute of lights that is three numbers."""
-    return np.array([getattr(light, name) for light in lights], np.float64).T.copy()

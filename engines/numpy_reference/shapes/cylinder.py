@@ -11,11 +11,10 @@ from engines.numpy_reference.shapes.interface import (
     Primitives,
     ShapeSample,
     TextureCoordinates,
-    columns,
     pdf_solid_angle,
     turn,
 )
-from engines.numpy_reference.vectors import EPSILON, Array, Indices, dot, frame, norm, unit
+from engines.numpy_reference.vectors import EPSILON, Array, Indices, columns, dot, frame, norm, unit
 from engines.scene import Cylinder
 
 

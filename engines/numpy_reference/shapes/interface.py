@@ -124,8 +124,3 @@ def turn(y: Array, x: Array) -> Array:
     """(n,) angles from the x axis to the y axis, in [0, 2 pi)."""
     phi = np.arctan2(y, x)
     return np.where(phi < 0.0, phi + 2.0 * np.pi, phi)
-
-
-def columns(shapes: Sequence[Any], name: str) -> Array:
-    """(3, m) an attribute of shapes that is three numbers."""
-    return np.array([getattr(shape, name) for shape in shapes], np.float64).reshape(-1, 3).T.copy()

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from engines.numpy_reference.shapes.interface import LocalGeometry, Primitives, ShapeSample, TextureCoordinates, columns
-from engines.numpy_reference.vectors import Array, Indices, dot, frame, unit
+from engines.numpy_reference.shapes.interface import LocalGeometry, Primitives, ShapeSample, TextureCoordinates
+from engines.numpy_reference.vectors import Array, Indices, columns, dot, frame, unit
 from engines.scene import Plane
 
 
