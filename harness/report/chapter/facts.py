@@ -12,6 +12,8 @@ from typing import TypeVar
 
 from engines.errors import ConfigError
 from harness.analysis import Analysis
+from harness.analysis.equivalence import common_spp
+from harness.analysis.scaling import primitives
 from harness.report.chapter import experiment, measures
 from harness.report.chapter.families import (
     AXES,
@@ -81,7 +83,7 @@ class Facts:
 
     def primitives(self, phrase: str) -> int:
         """Primitives of its scene."""
-        return experiment.primitives(self._one(phrase)[1])
+        return primitives(self._one(phrase)[1])
 
     def blocks(self, phrase: str) -> int:
         """Blocks in which it was measured."""
@@ -174,7 +176,7 @@ class Ratios:
 
 
 def _errors(analysis: Analysis, family: Family) -> Measure:
-    return measures.errors_at(analysis, measures.common_spp(list(family.members.values())))
+    return measures.errors_at(analysis, common_spp(*family.members.values()))
 
 
 def _times(analysis: Analysis, family: Family) -> Measure:
