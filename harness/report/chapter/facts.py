@@ -6,7 +6,6 @@ the `usual` words, in their order; one configuration must be left. Several phras
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TypeVar
 
@@ -101,11 +100,6 @@ class Facts:
         """Of the machine it was measured on, in per cent: what persists between equal configurations."""
         analysis, one = self._one(phrase)
         return 100 * analysis.spread(one).share
-
-    def noise_floor(self, phrase: str) -> float:
-        """The old name of `persistent_spread`."""
-        warnings.warn("noise_floor is persistent_spread now", DeprecationWarning, stacklevel=2)
-        return self.persistent_spread(phrase)
 
     def place(self, phrase: str) -> str:
         """On what machine it was measured, and when: a sentence."""
