@@ -83,9 +83,9 @@ def rectangle(x: Sequence[float], y: Sequence[float], z: float, material: str = 
     return mesh(corners, [[0, 1, 2], [0, 2, 3]], material)
 
 
-def inward_box(material: str, half: float = 1.0) -> dict[str, Any]:
-    """A cube about the origin whose faces have their front inside."""
-    corners = [[x, y, z] for x in (-half, half) for y in (-half, half) for z in (-half, half)]
+def inward_box(material: str) -> dict[str, Any]:
+    """A cube about the origin, to 1 each way, whose faces have their front inside."""
+    corners = [[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)]
     quads = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
     return mesh(corners, [face for a, b, c, d in quads for face in ([a, b, c], [a, c, d])], material)
 

@@ -13,7 +13,7 @@ from engines.numpy_reference.interaction import SurfaceInteraction
 from engines.numpy_reference.shapes import Primitives
 from engines.numpy_reference.textures import ColorParameter
 from engines.numpy_reference.tilts import kept, shadowing
-from engines.numpy_reference.vectors import Array, Indices, Mask, dot
+from engines.numpy_reference.vectors import Array, Indices, Mask, columns, dot
 from engines.numpy_reference.wrappers import Wrappers
 from engines.scene import Material
 
@@ -27,11 +27,9 @@ class Materials:
     """
 
     def __init__(self, materials: Sequence[Material], geometry: Geometry | None = None) -> None:
-        def colours(name: str) -> Array:
-            return np.array([getattr(material, name) for material in materials], np.float64).reshape(-1, 3).T.copy()
-
-        self.kd, self.ks, self.kt = map(colours, ("kd", "ks", "kt"))
-        self.emission, self._radiance = (colours("mean_emission"), ColorParameter([m.emission for m in materials], np.inf))
+        self.kd, self.ks, self.kt = (columns(materials, name) for name in ("kd", "ks", "kt"))
+        self.emission = columns(materials, "mean_emission")
+        self._radiance = ColorParameter([m.emission for m in materials], np.inf)
         self._geometry = geometry
         self.ior = np.array([material.ior for material in materials], np.float64)
         self.two_sided = np.array([material.two_sided for material in materials], bool)

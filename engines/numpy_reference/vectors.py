@@ -6,7 +6,8 @@ ray's result has the same bits whatever rays share its array.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,11 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 EPSILON = float(np.finfo(np.float64).eps)
+
+
+def columns(objects: Sequence[Any], name: str) -> Array:
+    """(3, m) an attribute of objects that is three numbers."""
+    return np.array([getattr(each, name) for each in objects], np.float64).reshape(-1, 3).T.copy()
 
 
 def dot(a: Array, b: Array) -> Array:

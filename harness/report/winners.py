@@ -13,7 +13,7 @@ from harness.analysis.columns import estimate_of
 from harness.analysis.model import Verdict
 from harness.metrics import metric_title
 from harness.report.plots.panels import Panel, panels
-from harness.report.tables.model import estimate_text
+from harness.report.tables.model import estimate_text, some
 
 MOST_NAMES = 4
 
@@ -123,7 +123,7 @@ def tally(found: Sequence[Winner]) -> str:
     counts = Counter(filter(None, raced))
     told = [f"{name} is first in {count}" for name, count in counts.most_common()]
     unclear = len(raced) - counts.total()
-    parts = [_some(told), f"in {unclear} no contestant alone is first" if unclear else ""]
+    parts = [some(told, MOST_NAMES), f"in {unclear} no contestant alone is first" if unclear else ""]
     return f"Of {len(raced)} races to a target {'; '.join(filter(None, parts))}." if raced else ""
 
 
@@ -148,7 +148,7 @@ def _parts(of: Standing) -> Iterator[str]:
             yield f"beware: {', '.join(verdict.warnings)}"
     elif of.possible:
         names = [f"{row.contestant} ({_value(row)})" for _, row in of.possible]
-        yield f"not separated ({len(names)}): {_some(names)}"
+        yield f"not separated ({len(names)}): {some(names, MOST_NAMES)}"
     else:
         yield of.nobody
     reached, out_of = len(of.reached), len(of.rows)
@@ -160,18 +160,13 @@ def _parts(of: Standing) -> Iterator[str]:
         yield f"the reference is too noisy for {of.noisy} of them, whose times are bounds"
     if of.reached and of.disqualified:
         names = [verdict.contestant.name for verdict in of.disqualified]
-        yield f"flagged, so not ranked: {of.left_out[0] if len(names) == 1 else _some(names)}"
+        yield f"flagged, so not ranked: {of.left_out[0] if len(names) == 1 else some(names, MOST_NAMES)}"
 
 
 def _value(row: Any) -> str:
     """Seconds without their interval."""
     text = seconds_text(row).partition(" [")[0]
     return f"{text} s" if text[-1:].isdigit() else text
-
-
-def _some(names: Sequence[str]) -> str:
-    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
-    return ", ".join(names[:MOST_NAMES]) + more
 
 
 def seconds_text(row: Any) -> str:

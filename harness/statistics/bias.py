@@ -36,6 +36,8 @@ IMAGE_FLAG_Z, TILE_FLAG_Z = family_z(3.0, 3), family_z(4.5, 3)
 """3 standard errors of the image mean, 4.5 of a tile, corrected for three channels (Sidak)."""
 ROUNDED = 1e-5
 """Relative error of a radiance that was rounded to float32 on its way: smaller differences are no bias."""
+TOO_GOOD = 1.1
+"""Error x samples of the baseline over that of an engine; above this the engine is too good per sample."""
 
 
 class BiasEstimate(NamedTuple):
@@ -177,10 +179,8 @@ def on_bias_floor(bias: BiasEstimate, corrected_error: float) -> bool:
     return bias.biased and bias.squared >= 0.5 * corrected_error
 
 
-def too_good_per_sample(
-    error_times_spp: Mapping[int, float], baseline: Mapping[int, float], margin: float = 1.1, level: float = 0.99
-) -> bool:
-    """Whether error x samples is below the baseline estimator's by more than `margin`, by a 99 % interval over seeds.
+def too_good_per_sample(error_times_spp: Mapping[int, float], baseline: Mapping[int, float]) -> bool:
+    """Whether error x samples is below the baseline estimator's by more than `TOO_GOOD`, by a 99 % interval over seeds.
 
     Both map seed (or block) to error x samples, of independent samples or of one sample each, with the same shader. An engine
     that needs fewer samples than the estimator it claims to run has another estimator, clamps, or denoises.
@@ -189,4 +189,4 @@ def too_good_per_sample(
     pairs = [(baseline[key], error_times_spp[key]) for key in common]
     # A difference of logarithms: the quotient of finite numbers may be zero or infinite.
     logs = [math.log(base) - math.log(other) for base, other in pairs if 0 < base < math.inf and 0 < other < math.inf]
-    return bool(mean_interval(logs, level).low > math.log(margin))
+    return bool(mean_interval(logs, 0.99).low > math.log(TOO_GOOD))

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from harness.statistics.intervals import LEVEL, mean_interval
+from harness.statistics.intervals import mean_interval
 
 Array = NDArray[np.float64]
 NOISE_ERRORS = 3.0
@@ -96,7 +96,7 @@ def spans_enough(samples: set[float]) -> bool:
     return len(samples) >= FEWEST_CHECKPOINTS and max(samples) >= LEAST_FACTOR * min(samples)
 
 
-def convergence_slope(seeds: Sequence[Curve], samples: ArrayLike, level: float = LEVEL) -> Slope:
+def convergence_slope(seeds: Sequence[Curve], samples: ArrayLike) -> Slope:
     """Slope of ln(RMSE) over ln(samples) at the checkpoints `samples` (see `common_samples`): a line a seed.
 
     Then mean and Student's t interval over seeds. Checkpoints of one seed share samples, hence are correlated: only seeds
@@ -109,7 +109,7 @@ def convergence_slope(seeds: Sequence[Curve], samples: ArrayLike, level: float =
     x = np.log(at) - np.log(at).mean()
     lever = x / (x**2).sum() / 2
     slopes = [float(lever @ np.log(each.error[np.searchsorted(each.samples, at)])) for each in seeds]
-    value, low, high, count = mean_interval(slopes, level)
+    value, low, high, count = mean_interval(slopes)
     return Slope(value, low, high, count, _slope_verdict(low, high), int(at[0]), int(at[-1]))
 
 

@@ -75,12 +75,12 @@ def bounded_interval(low: Sequence[float], high: Sequence[float]) -> Estimate:
     )
 
 
-def proportion_interval(count: int, n: int, level: float = LEVEL) -> Estimate:
+def proportion_interval(count: int, n: int) -> Estimate:
     """count / n with the exact interval of Clopper and Pearson 1934. Where all or none were counted it has one end alone, at
     the full level: of none in n, that is nearly 3 / n at 95 %. NaN where `n` is 0."""
     if n == 0:
         return NOTHING
-    tail = (1 - level) / (1 if count in (0, n) else 2)
+    tail = (1 - LEVEL) / (1 if count in (0, n) else 2)
     low = float(betaincinv(count, n - count + 1, tail)) if count else 0.0
     high = float(betaincinv(count + 1, n - count, 1 - tail)) if count < n else 1.0
     return Estimate(count / n, low, high, n)

@@ -40,7 +40,7 @@ class TileSample(NamedTuple):
     """What the images of n blocks say of their tiles: `means` (n, rows, columns, 3), one tile mean a block; `within`
     (rows, columns, 3), the variance of a block's tile mean by the spread of its pixels; `sizes` (rows, columns, 1), pixels.
 
-    `fixed` and `least` (rows, columns, 3) are variances of tile means, see `differences`.
+    `fixed` and `least` (rows, columns, 3) are variances of tile means, see `tile_sample` and `differences`.
     """
 
     means: Array
@@ -53,8 +53,8 @@ class TileSample(NamedTuple):
 def tile_sample(
     images: Iterable[Array], fixed_variance: Array | None = None, least_variance: Array | None = None
 ) -> TileSample:
-    """The tiles of `images` (h, w, 3) that come one by one; variances (h, w, 3) as in `differences`. Raises ValueError for less
-    than two images."""
+    """The tiles of `images` (h, w, 3) that come one by one. `fixed_variance` (h, w, 3) is added: that of what all blocks have
+    in common, as of a reference; `least_variance` is as in `differences`. Raises ValueError for less than two images."""
     means = []
     mean: Array = np.zeros((1, 1, 1))
     squares: Array = np.zeros((1, 1, 1))
@@ -70,18 +70,15 @@ def tile_sample(
     return TileSample(np.stack(means), tile_sums(squares) / (len(means) - 1) / sizes**2, sizes, fixed, least)
 
 
-def differences(
-    images: Iterable[Array], fixed_variance: Array | None = None, least_variance: Array | None = None
-) -> Differences:
+def differences(images: Iterable[Array], least_variance: Array | None = None) -> Differences:
     """What the mean of `images`, each a difference (h, w, 3) of one block, says about tiles and image; two or more.
 
     The variance of a tile mean is F sum(s^2) / (n N^2) over its N pixels, with s^2 over the n blocks and
     F = max(1, variance of the tile means between blocks / (sum(s^2) / N^2)), averaged over tiles: above 1 where neighbouring
-    pixels share noise. `fixed_variance` (h, w, 3) is added: that of what all blocks have in common, as of a reference.
-    `least_variance` (h, w, 3) is what s^2 is known to be at least: a tile whose few samples missed all that is rare and
-    bright has too small a spread and too small a mean at once. Raises ValueError for less than two images.
+    pixels share noise. `least_variance` (h, w, 3) is what s^2 is known to be at least: a tile whose few samples missed all
+    that is rare and bright has too small a spread and too small a mean at once. Raises ValueError for less than two images.
     """
-    return differences_of(tile_sample(images, fixed_variance, least_variance))
+    return differences_of(tile_sample(images, least_variance=least_variance))
 
 
 def differences_of(sample: TileSample) -> Differences:

@@ -10,7 +10,6 @@ from engines.interface import Settings
 from engines.numpy_reference import Engine
 from engines.scene import Material, Mesh, Perspective, Scene, Sphere
 
-INF = float("inf")
 EPS = 2.0**-52
 AHEAD = Perspective((0.0, 0.0, 5.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 40.0, "y", (8, 8))
 

@@ -125,7 +125,7 @@ FAULTS = [
         "d",
     ),
     Fault("point light without 1/d^2", "lights/point.py", "dot(to_light, to_light), 1.0)", "1.0, 1.0)", "i"),
-    Fault("directional light backwards", "lights/directional.py", "= -triples", "= triples", "i"),
+    Fault("directional light backwards", "lights/directional.py", "= -columns", "= columns", "i"),
     Fault("triangle light without its cosine", "shapes/interface.py", "(np.abs(cosine) * area)", "area", "e"),
     Fault("triangle light: uniform weights wrong", "shapes/triangle.py", "su = np.sqrt(u0)", "su = u0", "e"),
     Fault(

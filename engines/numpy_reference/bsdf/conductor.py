@@ -8,14 +8,14 @@ import numpy as np
 
 from engines.numpy_reference.bsdf.facets import Roughness
 from engines.numpy_reference.bsdf.fresnel import fresnel_conductor
-from engines.numpy_reference.bsdf.interface import BSDFSample, Lobes, mirrored, reflects
+from engines.numpy_reference.bsdf.interface import BSDF, BSDFSample, Lobes, mirrored, reflects
 from engines.numpy_reference.interaction import SurfaceInteraction
 from engines.numpy_reference.textures import ColorParameter
-from engines.numpy_reference.vectors import Array, Indices, dot, unit
+from engines.numpy_reference.vectors import Array, Indices, columns, dot, unit
 from engines.scene import Conductor
 
 
-class ConductorBSDF:
+class ConductorBSDF(BSDF):
     """All conductors of a scene: microfacets, and mirrors where the roughness is 0.
 
     A facet with normal m = unit(wo + wi) is a mirror of reflectance F(wo . m); D(m) says how many there are, and
@@ -23,9 +23,7 @@ class ConductorBSDF:
     """
 
     def __init__(self, leaves: Sequence[Conductor]) -> None:
-        self._eta, self._k = (
-            np.array([getattr(leaf, name) for leaf in leaves], np.float64).reshape(-1, 3).T.copy() for name in ("eta", "k")
-        )
+        self._eta, self._k = columns(leaves, "eta"), columns(leaves, "k")
         self._reflectance = ColorParameter([leaf.reflectance for leaf in leaves])
         self._roughness = Roughness(leaves)
         self._smooth = self._roughness.smooth
@@ -71,9 +69,6 @@ class ConductorBSDF:
         density = np.zeros(member.size)
         density[lanes] = facets.pdf_reflected(unit(facets.wo + facets.frame.to_local(wi.take(lanes, axis=1))))
         return density
-
-    def diffuse(self, member: Indices, at: SurfaceInteraction) -> Array:
-        return np.zeros((3, member.size))
 
     def albedo(self, member: Indices, at: SurfaceInteraction) -> Array:
         """The reflectance at normal incidence."""

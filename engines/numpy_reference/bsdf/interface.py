@@ -52,7 +52,10 @@ class BSDFSample(NamedTuple):
 
 class BSDF(Protocol):
     """All leaves of a scene with the same model, m of them. `member` (n,) are places among them; the points `at` and
-    their `wo` are in the `SurfaceInteraction`."""
+    their `wo` are in the `SurfaceInteraction`.
+
+    Verbs with a body here are inherited by models without such lobes.
+    """
 
     lobes: NDArray[np.int64]
     """(m,) the `Lobes` that each leaf has."""
@@ -70,15 +73,15 @@ class BSDF(Protocol):
 
     def evaluate(self, member: Indices, at: SurfaceInteraction, wi: Array) -> Array:
         """(3, n) the value f(wo, wi) of the lobes that are no deltas, without the cosine."""
-        ...
+        return np.zeros(wi.shape)
 
     def pdf(self, member: Indices, at: SurfaceInteraction, wi: Array) -> Array:
         """(n,) per solid angle, with which `sample` finds `wi` through a lobe that is no delta."""
-        ...
+        return np.zeros(member.size)
 
     def diffuse(self, member: Indices, at: SurfaceInteraction) -> Array:
         """(3, n) the albedo of the diffuse lobe, which ambient light multiplies."""
-        ...
+        return np.zeros((3, member.size))
 
     def albedo(self, member: Indices, at: SurfaceInteraction) -> Array:
         """(3, n) the colour that the shader `albedo` shows; 0 for what only emits."""

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from engines.numpy_reference.bsdf.interface import BSDFSample, Lobes
+from engines.numpy_reference.bsdf.interface import BSDF, BSDFSample, Lobes
 from engines.numpy_reference.interaction import SurfaceInteraction
 from engines.numpy_reference.vectors import Array, Indices
 from engines.scene import Null
 
 
-class NullBSDF:
+class NullBSDF(BSDF):
     """All leaves of a scene that are not there."""
 
     def __init__(self, leaves: Sequence[Null]) -> None:
@@ -28,15 +28,6 @@ class NullBSDF:
 
     def transmittance(self, member: Indices, at: SurfaceInteraction) -> Array:
         return np.ones((3, member.size))
-
-    def evaluate(self, member: Indices, at: SurfaceInteraction, wi: Array) -> Array:
-        return np.zeros(wi.shape)
-
-    def pdf(self, member: Indices, at: SurfaceInteraction, wi: Array) -> Array:
-        return np.zeros(member.size)
-
-    def diffuse(self, member: Indices, at: SurfaceInteraction) -> Array:
-        return np.zeros((3, member.size))
 
     def albedo(self, member: Indices, at: SurfaceInteraction) -> Array:
         return np.ones((3, member.size))

@@ -7,14 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from engines.numpy_reference.bsdf.fresnel import fresnel_dielectric
-from engines.numpy_reference.bsdf.interface import BSDFSample, Lobes, has, mirrored
+from engines.numpy_reference.bsdf.interface import BSDF, BSDFSample, Lobes, has, mirrored
 from engines.numpy_reference.interaction import SurfaceInteraction
 from engines.numpy_reference.textures import ColorParameter
 from engines.numpy_reference.vectors import Array, Indices, dot
 from engines.scene import ThinDielectric
 
 
-class ThinDielectricBSDF:
+class ThinDielectricBSDF(BSDF):
     """All panes of a scene. Light goes to and fro between both faces: R = F + (1 - F)^2 F / (1 - F^2) = 2 F / (1 + F)."""
 
     def __init__(self, leaves: Sequence[ThinDielectric]) -> None:
@@ -42,15 +42,6 @@ class ThinDielectricBSDF:
     def _mirrored_share(self, member: Indices, at: SurfaceInteraction) -> Array:
         once, _ = fresnel_dielectric(dot(at.wo, at.normal), self._ior[member])
         return 2.0 * once / (1.0 + once)
-
-    def evaluate(self, member: Indices, at: SurfaceInteraction, wi: Array) -> Array:
-        return np.zeros(wi.shape)
-
-    def pdf(self, member: Indices, at: SurfaceInteraction, wi: Array) -> Array:
-        return np.zeros(member.size)
-
-    def diffuse(self, member: Indices, at: SurfaceInteraction) -> Array:
-        return np.zeros((3, member.size))
 
     def albedo(self, member: Indices, at: SurfaceInteraction) -> Array:
         return self._transmittance(member, at)

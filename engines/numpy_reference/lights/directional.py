@@ -6,19 +6,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from engines.numpy_reference.lights.interface import LightSample, triples
-from engines.numpy_reference.vectors import Array, Indices
+from engines.numpy_reference.lights.interface import LightSample, LightSet
+from engines.numpy_reference.vectors import Array, Indices, columns
 from engines.scene import DirectionalLight
 
 
-class DirectionalLights:
+class DirectionalLights(LightSet):
     """All directional lights of a scene."""
 
-    delta = True
-    infinite = False
-
     def __init__(self, lights: Sequence[DirectionalLight]) -> None:
-        self._towards, self._irradiance = -triples(lights, "direction"), triples(lights, "irradiance")
+        self._towards, self._irradiance = -columns(lights, "direction"), columns(lights, "irradiance")
 
     def sample(self, light: Indices, point: Array, normal: Array, u0: Array, u1: Array, uc: Array) -> LightSample:
         """The same from every point."""

@@ -43,9 +43,9 @@ class LightSet(Protocol):
     those that are `infinite`, which are `InfiniteLightSet`s; area lights are found as surfaces (`AreaLights`).
     """
 
-    delta: bool
+    delta: bool = True
     """Whether they have no size: then they are always sampled, and never weighted."""
-    infinite: bool
+    infinite: bool = False
     """Whether rays that hit nothing find them."""
 
     def __init__(self, lights: Sequence[Any]) -> None:
@@ -66,8 +66,3 @@ class InfiniteLightSet(LightSet, Protocol):
     def pdf(self, light: int, direction: Array, normal: Array) -> Array:
         """(n,) per solid angle, with which `sample` finds the directions from points with these normals, 0 in media."""
         ...
-
-
-def triples(lights: Sequence[Any], name: str) -> Array:
-    """(3, m) an attribute of lights that is three numbers."""
-    return np.array([getattr(light, name) for light in lights], np.float64).T.copy()

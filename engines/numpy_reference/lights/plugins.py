@@ -6,17 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from engines.numpy_reference.lights.interface import LightSample
+from engines.numpy_reference.lights.interface import LightSample, LightSet
 from engines.numpy_reference.vectors import Array, Indices
 from engines.scene import CustomLight
 
 
-class PluginLights:
+class PluginLights(LightSet):
     """All lights of plugins in a scene. They have no surface, so no scattered ray finds them, whatever density theirs
     is: they are sampled like lights without size."""
-
-    delta = True
-    infinite = False
 
     def __init__(self, lights: Sequence[CustomLight]) -> None:
         self._lights = lights

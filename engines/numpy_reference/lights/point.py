@@ -6,19 +6,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from engines.numpy_reference.lights.interface import LightSample, triples
-from engines.numpy_reference.vectors import Array, Indices, dot, norm
+from engines.numpy_reference.lights.interface import LightSample, LightSet
+from engines.numpy_reference.vectors import Array, Indices, columns, dot, norm
 from engines.scene import PointLight
 
 
-class PointLights:
+class PointLights(LightSet):
     """All point lights of a scene."""
 
-    delta = True
-    infinite = False
-
     def __init__(self, lights: Sequence[PointLight]) -> None:
-        self._position, self._intensity = triples(lights, "position"), triples(lights, "intensity")
+        self._position, self._intensity = columns(lights, "position"), columns(lights, "intensity")
         self._falloff = np.array([light.falloff for light in lights])
 
     def sample(self, light: Indices, point: Array, normal: Array, u0: Array, u1: Array, uc: Array) -> LightSample:

@@ -7,20 +7,17 @@ from collections.abc import Sequence
 import numpy as np
 
 from engines.numpy_reference.lights.frames import Frames
-from engines.numpy_reference.lights.interface import LightSample, triples
-from engines.numpy_reference.vectors import Array, Indices, dot, norm
+from engines.numpy_reference.lights.interface import LightSample, LightSet
+from engines.numpy_reference.vectors import Array, Indices, columns, dot, norm
 from engines.scene import ProjectorLight
 
 
-class ProjectorLights:
+class ProjectorLights(LightSet):
     """All projectors of a scene."""
 
-    delta = True
-    infinite = False
-
     def __init__(self, lights: Sequence[ProjectorLight]) -> None:
-        self._position, self._direction = triples(lights, "position"), triples(lights, "direction")
-        self._irradiance, self._frames = triples(lights, "irradiance"), Frames(lights)
+        self._position, self._direction = columns(lights, "position"), columns(lights, "direction")
+        self._irradiance, self._frames = columns(lights, "irradiance"), Frames(lights)
 
     def sample(self, light: Indices, point: Array, normal: Array, u0: Array, u1: Array, uc: Array) -> LightSample:
         """The irradiance of the plane at a distance of 1, over the square of the distance along the axis, and not across the

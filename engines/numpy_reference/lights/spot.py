@@ -7,20 +7,17 @@ from collections.abc import Sequence
 import numpy as np
 
 from engines.numpy_reference.lights.frames import Frames
-from engines.numpy_reference.lights.interface import LightSample, triples
-from engines.numpy_reference.vectors import Array, Indices, cross, dot, norm
+from engines.numpy_reference.lights.interface import LightSample, LightSet
+from engines.numpy_reference.vectors import Array, Indices, columns, cross, dot, norm
 from engines.scene import SpotLight
 
 
-class SpotLights:
+class SpotLights(LightSet):
     """All spot lights of a scene."""
 
-    delta = True
-    infinite = False
-
     def __init__(self, lights: Sequence[SpotLight]) -> None:
-        self._position, self._direction = triples(lights, "position"), triples(lights, "direction")
-        self._intensity = triples(lights, "intensity")
+        self._position, self._direction = columns(lights, "position"), columns(lights, "direction")
+        self._intensity = columns(lights, "intensity")
         self._cutoff = np.radians([light.cutoff for light in lights])
         self._beam_width = np.radians([light.beam_width for light in lights])
         self._frames = Frames(lights)

@@ -8,17 +8,17 @@ import numpy as np
 
 from engines.numpy_reference.shapes.interface import (
     LocalGeometry,
+    Primitives,
     ShapeSample,
     TextureCoordinates,
-    columns,
     pdf_solid_angle,
     turn,
 )
-from engines.numpy_reference.vectors import EPSILON, Array, Indices, dot, frame, norm, unit
+from engines.numpy_reference.vectors import EPSILON, Array, Indices, columns, dot, frame, norm, unit
 from engines.scene import Cylinder
 
 
-class Cylinders:
+class Cylinders(Primitives):
     """All cylinders of a scene. `data` (1, 14, m): one end, the frame about the axis (t1, t2, axis), length, radius."""
 
     planar = False
@@ -34,14 +34,6 @@ class Cylinders:
         self.area = 2.0 * np.pi * self._radius * self._length
         rows = [self._end, *self._across, self._axis, self._length[None], self._radius[None]]
         self.data = np.concatenate(rows)[None]
-
-    @staticmethod
-    def count(shape: Cylinder) -> int:
-        return 1
-
-    @staticmethod
-    def rays(origin: Array, direction: Array) -> tuple[Indices, Array]:
-        return np.zeros(origin.shape[1], np.int64), np.concatenate([origin, direction])
 
     @staticmethod
     def distance(cylinder: Array, ray: Array) -> Array:
@@ -92,9 +84,6 @@ class Cylinders:
         ends = self._end, self._end + self._way
         return np.minimum(*ends) - extent, np.maximum(*ends) + extent
 
-    def corners(self) -> Array:
-        return np.concatenate(self.bounds(), axis=1)
-
     def sample(self, index: Indices, point: Array, u0: Array, u1: Array, area: Array) -> ShapeSample:
         """Uniform over the area."""
         (t1, t2), phi = (axis.take(index, axis=1) for axis in self._across), 2.0 * np.pi * u1
@@ -105,10 +94,6 @@ class Cylinders:
         wi = to_shape / distance
         cosine = -dot(wi, outward)
         return ShapeSample(wi, distance, cosine > 0.0, pdf_solid_angle(distance, cosine, area))
-
-    @staticmethod
-    def pdf(index: Indices, point: Array, distance: Array, cosine: Array, area: Array) -> Array:
-        return pdf_solid_angle(distance, cosine, area)
 
 
 SHAPES = {Cylinder: Cylinders}

@@ -8,17 +8,17 @@ import numpy as np
 
 from engines.numpy_reference.shapes.interface import (
     LocalGeometry,
+    Primitives,
     ShapeSample,
     TextureCoordinates,
-    columns,
     pdf_solid_angle,
     turn,
 )
-from engines.numpy_reference.vectors import Array, Indices, along, dot, frame, norm, unit
+from engines.numpy_reference.vectors import Array, Indices, along, columns, dot, frame, norm, unit
 from engines.scene import Disk
 
 
-class Disks:
+class Disks(Primitives):
     """All disks of a scene. `data` (1, 7, m): centre, normal, radius."""
 
     planar = True
@@ -31,14 +31,6 @@ class Disks:
         self._radius = np.array([shape.radius for shape in shapes], np.float64)
         self.area = np.pi * self._radius * self._radius
         self.data = np.concatenate([self._center, self._normal, self._radius[None]])[None]
-
-    @staticmethod
-    def count(shape: Disk) -> int:
-        return 1
-
-    @staticmethod
-    def rays(origin: Array, direction: Array) -> tuple[Indices, Array]:
-        return np.zeros(origin.shape[1], np.int64), np.concatenate([origin, direction])
 
     @staticmethod
     def distance(disk: Array, ray: Array) -> Array:
@@ -67,9 +59,6 @@ class Disks:
         extent = self._radius * np.sqrt(np.maximum(1.0 - self._normal * self._normal, 0.0))
         return self._center - extent, self._center + extent
 
-    def corners(self) -> Array:
-        return np.concatenate(self.bounds(), axis=1)
-
     def sample(self, index: Indices, point: Array, u0: Array, u1: Array, area: Array) -> ShapeSample:
         """Uniform over the area."""
         normal, radius, phi = self._normal.take(index, axis=1), self._radius[index] * np.sqrt(u0), 2.0 * np.pi * u1
@@ -79,10 +68,6 @@ class Disks:
         wi = to_shape / distance
         cosine = -dot(wi, normal)
         return ShapeSample(wi, distance, cosine > 0.0, pdf_solid_angle(distance, cosine, area))
-
-    @staticmethod
-    def pdf(index: Indices, point: Array, distance: Array, cosine: Array, area: Array) -> Array:
-        return pdf_solid_angle(distance, cosine, area)
 
 
 SHAPES = {Disk: Disks}

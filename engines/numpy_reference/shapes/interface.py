@@ -1,6 +1,6 @@
 """What a kind of shape can do: the verbs that accelerators, interactions and area lights call.
 
-A new kind is a module with a class that has these verbs, and a table: `SHAPES = {Plane: Planes}`.
+A new kind is a module with a class that inherits `Primitives`, and a table: `SHAPES = {Plane: Planes}`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,10 @@ from engines.numpy_reference.vectors import Array, Indices, Mask
 
 
 class Primitives(Protocol):
-    """All primitives of one kind in a scene, m of them. In the verbs `index` (n,) are places among them, one a ray."""
+    """All primitives of one kind in a scene, m of them. In the verbs `index` (n,) are places among them, one a ray.
+
+    Verbs with a body here are inherited by the kinds that do not differ.
+    """
 
     primitive_id: Indices
     """(m,) ascending: the place of each in the scene's order of all primitives."""
@@ -35,11 +38,13 @@ class Primitives(Protocol):
     @staticmethod
     def count(shape: Any) -> int:
         """How many primitives a shape of the scene is made of."""
-        ...
+        return 1
 
-    def rays(self, origin: Array, direction: Array) -> tuple[Indices, Array]:
-        """Which of the copies in `data` serves each ray (n,), and what `distance` wants of it (k, n)."""
-        ...
+    @staticmethod
+    def rays(origin: Array, direction: Array) -> tuple[Indices, Array]:
+        """Which of the copies in `data` serves each ray (n,), and what `distance` wants of it (k, n): where there is one
+        copy, origin and direction."""
+        return np.zeros(origin.shape[1], np.int64), np.concatenate([origin, direction])
 
     def distance(self, primitive: Any, ray: Any, /) -> Array:
         """t > 0 of the hit, inf for a miss; the arguments broadcast after their first axis."""
@@ -59,7 +64,7 @@ class Primitives(Protocol):
 
     def corners(self) -> Array:
         """(3, k) points whose box is the box of all the shapes, faces without area included; k = 0 where there is none."""
-        ...
+        return np.concatenate(self.bounds(), axis=1)
 
     def sample(self, index: Indices, point: Array, u0: Array, u1: Array, area: Array) -> ShapeSample:
         """Points of the shape as seen from `point` (3, n), by two draws. `area` (n,) is that of the whole light which
@@ -68,7 +73,7 @@ class Primitives(Protocol):
 
     def pdf(self, index: Indices, point: Array, distance: Array, cosine: Array, area: Array) -> Array:
         """(n,) per solid angle, with which `sample` finds what lies at this distance under this cosine at the shape."""
-        ...
+        return pdf_solid_angle(distance, cosine, area)
 
 
 class LocalGeometry(NamedTuple):
@@ -119,8 +124,3 @@ def turn(y: Array, x: Array) -> Array:
     """(n,) angles from the x axis to the y axis, in [0, 2 pi)."""
     phi = np.arctan2(y, x)
     return np.where(phi < 0.0, phi + 2.0 * np.pi, phi)
-
-
-def columns(shapes: Sequence[Any], name: str) -> Array:
-    """(3, m) an attribute of shapes that is three numbers."""
-    return np.array([getattr(shape, name) for shape in shapes], np.float64).reshape(-1, 3).T.copy()

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from engines.numpy_reference.shapes.interface import LocalGeometry, ShapeSample, TextureCoordinates, columns
-from engines.numpy_reference.vectors import Array, Indices, dot, frame, unit
+from engines.numpy_reference.shapes.interface import LocalGeometry, Primitives, ShapeSample, TextureCoordinates
+from engines.numpy_reference.vectors import Array, Indices, columns, dot, frame, unit
 from engines.scene import Plane
 
 
-class Planes:
+class Planes(Primitives):
     """All planes of a scene. `data` (1, 6, m): point and normal. They emit, but are not sampled: their area is infinite."""
 
     planar = True
@@ -24,14 +24,6 @@ class Planes:
         self._normal = unit(columns(shapes, "normal"))
         self._point = columns(shapes, "point")
         self.data = np.concatenate([self._point, self._normal])[None]
-
-    @staticmethod
-    def count(shape: Plane) -> int:
-        return 1
-
-    @staticmethod
-    def rays(origin: Array, direction: Array) -> tuple[Indices, Array]:
-        return np.zeros(origin.shape[1], np.int64), np.concatenate([origin, direction])
 
     @staticmethod
     def distance(plane: Array, ray: Array) -> Array:

@@ -10,12 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from engines.numpy_reference.shapes.interface import LocalGeometry, ShapeSample, TextureCoordinates, turn
+from engines.numpy_reference.shapes.interface import LocalGeometry, Primitives, ShapeSample, TextureCoordinates, turn
 from engines.numpy_reference.vectors import EPSILON, Array, Indices, Mask, along, dot, norm, unit
 from engines.scene import Sphere, SphereSet
 
 
-class Spheres:
+class Spheres(Primitives):
     """All spheres of a scene, those of sphere sets too. `data` (1, 4, m): centre, radius."""
 
     planar = False
@@ -34,10 +34,6 @@ class Spheres:
     @staticmethod
     def count(shape: Sphere | SphereSet) -> int:
         return len(shape.radii) if isinstance(shape, SphereSet) else 1
-
-    @staticmethod
-    def rays(origin: Array, direction: Array) -> tuple[Indices, Array]:
-        return np.zeros(origin.shape[1], np.int64), np.concatenate([origin, direction])
 
     @staticmethod
     def distance(sphere: Array, ray: Array) -> Array:
@@ -77,9 +73,6 @@ class Spheres:
 
     def bounds(self) -> tuple[Array, Array]:
         return self._center - self._radius, self._center + self._radius
-
-    def corners(self) -> Array:
-        return np.concatenate(self.bounds(), axis=1)
 
     def sample(self, index: Indices, point: Array, u0: Array, u1: Array, area: Array) -> ShapeSample:
         """Uniform over the cone of the sphere from outside, over its surface from inside or close by."""

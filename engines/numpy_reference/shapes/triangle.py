@@ -7,13 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from engines.numpy_reference.shapes import watertight
-from engines.numpy_reference.shapes.interface import LocalGeometry, ShapeSample, TextureCoordinates, pdf_solid_angle
+from engines.numpy_reference.shapes.interface import LocalGeometry, Primitives, ShapeSample, TextureCoordinates, pdf_solid_angle
 from engines.numpy_reference.vectors import Array, Indices, cross, dot, norm, unit
 from engines.scene import Mesh, Triangle
 from engines.scene.attributes import FACE
 
 
-class Triangles:
+class Triangles(Primitives):
     """All triangles of a scene that have an area; the others keep their ids, but are never hit and never sampled.
 
     `a`, `b`, `c`, `normal` (3, m), the normal unit and on the front. `data` (3, 9, m) is that of `watertight`.
@@ -107,10 +107,6 @@ class Triangles:
         wi = to_shape / distance
         cosine = -dot(wi, self.normal.take(index, axis=1))
         return ShapeSample(wi, distance, cosine > 0.0, pdf_solid_angle(distance, cosine, area))
-
-    @staticmethod
-    def pdf(index: Indices, point: Array, distance: Array, cosine: Array, area: Array) -> Array:
-        return pdf_solid_angle(distance, cosine, area)
 
 
 SHAPES = {Triangle: Triangles, Mesh: Triangles}

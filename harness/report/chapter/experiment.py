@@ -11,6 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from harness.analysis import Analysis, error_targets
+from harness.analysis.calibration import plural
+from harness.analysis.equivalence import common_spp
+from harness.analysis.scaling import primitives
 from harness.report.chapter import figures, measures
 from harness.report.chapter.document import Listing, Paragraph, Section, TablePart
 from harness.report.chapter.families import (
@@ -29,7 +32,7 @@ from harness.report.chapter.families import (
     value_columns,
     values,
 )
-from harness.report.chapter.texts import WORST, error_name, listed, plural
+from harness.report.chapter.texts import WORST, error_name, listed
 from harness.report.tables import Column, Table
 from harness.report.tables.evidence import spread_text
 from harness.statistics import Estimate
@@ -90,7 +93,7 @@ def place(analysis: Analysis) -> list[str]:
     cpu = machine.get("cpu") or "an unnamed processor"
     days = sorted({cell.time[:10] for cell in analysis.results.all_cells if cell.time})
     when = f", on {' to '.join(dict.fromkeys((days[0], days[-1])))}" if days else ""
-    size = f" with {cores} usable core{'' if cores == 1 else 's'}" if cores else ""
+    size = f" with {plural(cores, 'usable core')}" if cores else ""
     return [f"The machine was {cpu}{size}{when}."]
 
 
@@ -179,10 +182,6 @@ def _primitives() -> Column:
     return Column("primitives", "Primitives of the scene.", "count")
 
 
-def primitives(contestant: Contestant) -> int:
-    return contestant.cells[0].primitives
-
-
 def _threads(analysis: Analysis, plots: Path) -> Section | None:
     """How much more threads give."""
     families = families_along(analysis, "threads")
@@ -265,7 +264,7 @@ def _samplers(analysis: Analysis, plots: Path) -> Section | None:
         ],
     )
     for family in families:
-        spp = measures.common_spp(list(family.members.values()))
+        spp = common_spp(*family.members.values())
         error = measures.errors_at(analysis, spp)
         least = listed(best(analysis, family, error))
         errors.rows.append(row_of(family, lambda c, error=error: estimate(error.values(c)), spp=spp, least=least))
@@ -295,7 +294,7 @@ def _tails(analysis: Analysis, plots: Path) -> Section | None:
             Column("share", f"Share of relMSE in the worst {WORST} of pixels.", "percent"),
         ],
     )
-    spp = measures.common_spp([contestant for _, contestant in shown])
+    spp = common_spp(*(contestant for _, contestant in shown))
     for held, contestant in shown:
         whole, trimmed = measures.errors_untrimmed_and_trimmed(analysis, contestant, spp)
         if whole.n and whole.value > 0:

@@ -6,12 +6,13 @@ the `usual` words, in their order; one configuration must be left. Several phras
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TypeVar
 
 from engines.errors import ConfigError
 from harness.analysis import Analysis
+from harness.analysis.equivalence import common_spp
+from harness.analysis.scaling import primitives
 from harness.report.chapter import experiment, measures
 from harness.report.chapter.families import (
     AXES,
@@ -81,7 +82,7 @@ class Facts:
 
     def primitives(self, phrase: str) -> int:
         """Primitives of its scene."""
-        return experiment.primitives(self._one(phrase)[1])
+        return primitives(self._one(phrase)[1])
 
     def blocks(self, phrase: str) -> int:
         """Blocks in which it was measured."""
@@ -99,11 +100,6 @@ class Facts:
         """Of the machine it was measured on, in per cent: what persists between equal configurations."""
         analysis, one = self._one(phrase)
         return 100 * analysis.spread(one).share
-
-    def noise_floor(self, phrase: str) -> float:
-        """The old name of `persistent_spread`."""
-        warnings.warn("noise_floor is persistent_spread now", DeprecationWarning, stacklevel=2)
-        return self.persistent_spread(phrase)
 
     def place(self, phrase: str) -> str:
         """On what machine it was measured, and when: a sentence."""
@@ -174,7 +170,7 @@ class Ratios:
 
 
 def _errors(analysis: Analysis, family: Family) -> Measure:
-    return measures.errors_at(analysis, measures.common_spp(list(family.members.values())))
+    return measures.errors_at(analysis, common_spp(*family.members.values()))
 
 
 def _times(analysis: Analysis, family: Family) -> Measure:

@@ -12,10 +12,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from harness.analysis import Analysis, seconds_per_sample
+from harness.analysis.calibration import plural
 from harness.report.chapter import measures
 from harness.report.chapter.document import FigurePart
 from harness.report.chapter.families import Family, demanding, estimate, speedups, thousands, values
-from harness.report.chapter.texts import WORST, plural
+from harness.report.chapter.texts import WORST
 from harness.report.plots.chart import FAINT, INK, LINES, MARKERS, Picture
 from harness.report.plots.curves import error_label
 from harness.report.plots.figures import log_scales, new_figure, save

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from statistics import median
 from typing import Any
 
@@ -16,12 +16,6 @@ from harness.report.chapter.families import Family, Measure, estimate, named_con
 from harness.statistics import Bound, Estimate, Reading, geometric_interval
 from harness.statistics.convergence import NOISE_ERRORS
 from harness.store.results import Contestant, point_error
-
-
-def common_spp(contestants: Sequence[Contestant]) -> int | None:
-    """The most samples at which every seed of every contestant has a checkpoint."""
-    sets = [{point.spp for point in cell.points} for c in contestants for cell in c.done]
-    return max(set.intersection(*sets), default=None) if sets else None
 
 
 def errors_at(analysis: Analysis, spp: int | None) -> Measure:

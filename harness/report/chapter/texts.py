@@ -31,8 +31,3 @@ def listed(names: Sequence[str]) -> str:
 def error_name(metric: str) -> str:
     """A metric as an error: `relMSE (ε = 0.01)`."""
     return error_label(metric).replace("−", "-")
-
-
-def plural(number: int, noun: str) -> str:
-    """`1 scene`, `7 scenes`."""
-    return f"{number} {noun}{'' if number == 1 else 's'}"

@@ -10,7 +10,7 @@ import numpy as np
 from markupsafe import Markup, escape
 
 from harness.analysis import Analysis, Verdict, error_targets
-from harness.analysis.calibration import missed
+from harness.analysis.calibration import missed, plural
 from harness.metrics import metric_title
 from harness.report.plots.curves import band
 from harness.report.plots.panels import Panel, panels
@@ -131,7 +131,7 @@ def _remarks(analysis: Analysis, found: Standing, calibration: Calibration, refe
     if contended or not judged:
         yield f"{contended} of {judged} timings contended" if judged else "contention was not measured"
     if noisy := found.noisy:
-        yield f"the reference is too noisy for the times of {noisy} contestant{'' if noisy == 1 else 's'}"
+        yield f"the reference is too noisy for the times of {plural(noisy, 'contestant')}"
     if calibration.races is None:
         yield "the run is too small for a calibration"
     if lacking := missed(calibration):

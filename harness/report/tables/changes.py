@@ -61,9 +61,7 @@ def changes(before: Sequence[Results], after: Sequence[Results], threshold: floa
     verdicts = judge_changes([each.change for each in compared], same_within)
     flags = [_flags_of(side) for side in (before, after)]
     pictured = {key: _image_row(ours[key], theirs[key], flags, len(common)) for key in common}
-    for each, verdict in zip(compared, verdicts, strict=True):
-        limit = threshold if threshold is not None else same_within if each.change.tested else UNTESTED_THRESHOLD
-        table.rows.append(_row(each, verdict, limit))
+    table.rows += [_row(each, verdict, same_within, threshold) for each, verdict in zip(compared, verdicts, strict=True)]
     table.rows += [{**_who(ours[key]), **row} for key, row in pictured.items() if row]
     order = [(key.scene, ours[key][0][1].name) for key in common]
     table.rows.sort(key=lambda row: order.index((row["scene"], row["contestant"])))
@@ -211,19 +209,28 @@ def _compared(old: Sessions, new: Sessions) -> list[Compared]:
     ]
 
 
-def _row(each: Compared, verdict: str, limit: float) -> dict[str, Any]:
-    change = each.change
-    low, high = change.interval()
-    longer, shorter = low > math.log1p(limit), high < -math.log1p(limit)
+def judged(
+    change: Change, ends: tuple[float, float], verdict: str, same_within: float, threshold: float | None
+) -> tuple[str, bool]:
+    """The verdict on a change of a mean between `ends`, or that it may be drift; and whether it is a regression."""
+    limit = threshold if threshold is not None else same_within if change.tested else UNTESTED_THRESHOLD
+    longer, shorter = ends[0] > math.log1p(limit), ends[1] < -math.log1p(limit)
     if not change.tested and (longer or shorter):
         verdict = f"{TIMES['rise' if longer else 'fall']} or drift"
+    return verdict, longer and (verdict == "rise" or not change.tested)
+
+
+def _row(each: Compared, verdict: str, same_within: float, threshold: float | None) -> dict[str, Any]:
+    change = each.change
+    low, high = ends = change.interval()
+    word, regression = judged(change, ends, verdict, same_within, threshold)
     return {
         **_who(each.old),
         "measure": each.measure,
         "sessions": "{} and {}".format(*change.sessions),
         "ratio": Estimate(exp(change.mean), exp(low), exp(high), min(change.sessions)),
-        "verdict": each.words.get(verdict, verdict),
-        "regression": longer and (verdict == "rise" or not change.tested),
+        "verdict": each.words.get(word, word),
+        "regression": regression,
     }
 
 

@@ -20,7 +20,7 @@ def blocks_text(analysis: Analysis) -> str:
     counts = sorted({len({cell.block for cell in verdict.contestant.done}) for verdict in analysis.verdicts})
     if not counts:
         return ""
-    text = f"{counts[-1]} block{'' if counts[-1] == 1 else 's'}" if len(counts) == 1 else f"{counts[0]} to {counts[-1]} blocks"
+    text = plural(counts[-1], "block") if len(counts) == 1 else f"{counts[0]} to {counts[-1]} blocks"
     if counts[0] < FEWEST_BLOCKS:
         text += f"; below {FEWEST_BLOCKS} no verdict is given"
     return f"{text}."

@@ -18,7 +18,7 @@ from harness.analysis import Analysis, analyse
 from harness.analysis.calibration import plural
 from harness.analysis.columns import Column, Table
 from harness.analysis.model import FLAGS, OF_THE_TIME, PER_SAMPLE
-from harness.report.tables.changes import TIMES, UNTESTED_THRESHOLD, cautions, matching, sessions_differ
+from harness.report.tables.changes import TIMES, UNTESTED_THRESHOLD, cautions, judged, matching, sessions_differ
 from harness.statistics import (
     UNKNOWN_SPREAD,
     Change,
@@ -96,7 +96,7 @@ def history(sessions: Sequence[Results], threshold: float | None = None) -> Tabl
     steps = [step for line, found in lines.items() for step in _steps(line, found, list(order))]
     same_within = sessions[-1].config.same_within
     verdicts = judge_changes([step.change for step in steps], same_within)
-    judged = {
+    by_step = {
         (step.line, step.after): _judged(step, verdict, same_within, threshold)
         for step, verdict in zip(steps, verdicts, strict=True)
     }
@@ -105,7 +105,7 @@ def history(sessions: Sequence[Results], threshold: float | None = None) -> Tabl
         for revision in order:
             if measured := lines[line].get(revision):
                 who = {"scene": line.key.scene, "contestant": names[line.key], "target": line.target}
-                row = _row(measured) | judged.get((line, revision), {"verdict": _failure(measured), "regression": False})
+                row = _row(measured) | by_step.get((line, revision), {"verdict": _failure(measured), "regression": False})
                 table.rows.append({**who, "revision": shortened(revision), "since": order[revision][:16], **row})
     return table
 
@@ -237,13 +237,9 @@ def _row(measured: Sequence[Measured]) -> dict[str, Any]:
 
 def _judged(step: Step, verdict: str, same_within: float, threshold: float | None) -> dict[str, Any]:
     change = step.change
-    low, high = change.interval() if math.isfinite(change.mean) else (math.nan, math.nan)
-    limit = threshold if threshold is not None else same_within if change.tested else UNTESTED_THRESHOLD
-    longer, shorter = low > math.log1p(limit), high < -math.log1p(limit)
-    word = TIMES.get(verdict, verdict)
-    if not change.tested and (longer or shorter):
-        word = f"{TIMES['rise' if longer else 'fall']} or drift"
-    regression = longer and (verdict == "rise" or not change.tested)
+    low, high = ends = change.interval() if math.isfinite(change.mean) else (math.nan, math.nan)
+    word, regression = judged(change, ends, verdict, same_within, threshold)
+    word = TIMES.get(word, word)
     if step.failure:
         word, regression = step.failure, True
     elif step.reached == (True, False):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from html import escape
 from typing import Any
 
@@ -121,6 +122,11 @@ def estimate_text(estimate: tuple[float, ...], infinite: str = "not reached", ze
 def reached_text(row: Any) -> str:
     """`5/5`, of a row of `Analysis.by_target`: seeds that reached the target; `5/5 ≤` says that some times are upper bounds."""
     return f"{row.reached}/{row.seeds}{' ≤' if row.at_first else ''}"
+
+
+def some(names: Sequence[str], most: int) -> str:
+    """The first names, and how many more there are."""
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
 def sort_value(value: Any) -> float | str:

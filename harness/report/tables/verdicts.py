@@ -15,7 +15,7 @@ from harness.report.tables.by_axis import by_axis, say_why, why_blank
 from harness.report.tables.deviations import deviations
 from harness.report.tables.equivalence import accuracy, bias_and_equivalence, bias_text, equivalence, equivalence_text, who
 from harness.report.tables.evidence import evidence, share_text
-from harness.report.tables.model import reached_text
+from harness.report.tables.model import reached_text, some
 from harness.report.tables.rays import rays
 from harness.report.tables.scaling import scaling
 from harness.statistics import Estimate, parallel_speedups
@@ -145,10 +145,7 @@ def _without_ratio(analysis: Analysis) -> str:
     """A sentence on the contestants that have no ratio, by reason."""
     found = measurements.by_contestant(analysis.comparisons, analysis.results)
     reasons = found[found.no_ratio != ""].groupby("no_ratio", sort=False).contestant.unique()
-    texts = []
-    for why, names in reasons.items():
-        more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
-        texts.append(f"{', '.join(names[:MOST_NAMES])}{more} ({why})")
+    texts = [f"{some(names, MOST_NAMES)} ({why})" for why, names in reasons.items()]
     return f"Without a ratio: {'; '.join(texts)}. " if texts else ""
 
 

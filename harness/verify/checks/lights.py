@@ -156,8 +156,9 @@ def shaded_sky(subject: Subject) -> Iterator[Measurement]:
         yield from by_strategy(subject, shapes, materials, [WHITE_SKY], view, truth, f"r {r}, h {h}, x {x}", 3)
 
 
-def _disc(y: float, radius: float, index: int, down: bool, corners: int = 128) -> Mesh:
+def _disc(y: float, radius: float, index: int, down: bool) -> Mesh:
     """A regular polygon with the area of a disc."""
+    corners = 128
     reach = radius * math.sqrt(2 * math.pi / corners / math.sin(2 * math.pi / corners))
     angle = -2 * np.pi * np.arange(corners) / corners
     rim = np.stack([reach * np.cos(angle), np.full(corners, y), reach * np.sin(angle)], -1)
