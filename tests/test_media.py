@@ -158,12 +158,7 @@ def test_reflected_rays_stay_in_the_medium_of_their_side(engine):
 
 @pytest.mark.parametrize(
     ("g", "back", "through"),
-    [
-        (0.0, 0.0275231, 0.0234199),
-        (0.5, 0.00611625, 0.140520),
-        (-0.3, 0.0730206, 0.00970056),
-        (0.9999, 6.88147e-07, 4683752.0),
-    ],
+    [(0.0, 0.0275231, 0.0234199), (0.5, 0.00611625, 0.140520), (-0.3, 0.0730206, 0.00970056), (0.9999, 6.88147e-07, 4683752.0)],
 )
 def test_a_slab_scatters_once_as_its_phase_function_says(engine, g, back, through):
     """Albedo 0.8, irradiance 1 on the axis, seen from above and from below."""

@@ -50,7 +50,9 @@ def test_without_a_shader_that_of_the_scene_is_taken_and_one_that_sees_its_media
     )
     found = {}
     for name in ("cornell_box", "milk", "volpath.xml"):
-        text = sweeping.EXPERIMENT.replace("ball.yaml", name).replace("['fake_engines:Steady', 'fake_engines:Other']", "[numpy]")
+        text = sweeping.EXPERIMENT.replace("ball.yaml", name).replace(
+            "['fake_engines:Steady', 'fake_engines:Other']", "[numpy]"
+        )
         found[name] = planned(tmp_path, text).cells[0].settings.shader
     assert (found["cornell_box"].name, found["milk"].name) == ("path_tracer", "volumetric_path_tracer")
     assert (found["volpath.xml"].name, found["volpath.xml"].options["max_depth"]) == ("path_tracer", 9)
