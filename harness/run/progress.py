@@ -21,7 +21,7 @@ COLOURS = {"done": "green", "failed": "red", "timeout": "yellow", "skipped": "di
 
 
 class Listener(Protocol):
-    """What follows the progress of a run. Called only while nothing renders. What a subclass leaves out does nothing."""
+    """What follows the progress of a run. Called only while nothing renders."""
 
     def note(self, text: str) -> None: ...
     def reference(self, name: str, done: int, count: int) -> None: ...

@@ -17,9 +17,9 @@ from harness.measure import clock
 from harness.measure.requests import ReferenceRequest
 from harness.plan import planner
 from harness.plan.cells import Cell, Plan
-from harness.run import progress
 from harness.run.sweep import Options, Sweep
 from harness.settings import engine_settings
+from harness.store import records
 from harness.store.results import brief_choice
 from harness.view import requests
 from harness.view.contestant import Contestant
@@ -31,7 +31,7 @@ class Stopped(Exception):
     """The race was stopped while its references were rendered."""
 
 
-class Listener(progress.Listener):
+class Listener:
     """Sends warnings and the progress of references to the page; `send(type, **fields)` sends a message."""
 
     def __init__(self, send: Callable[..., None]) -> None:
@@ -42,6 +42,11 @@ class Listener(progress.Listener):
 
     def reference(self, name: str, done: int, count: int) -> None:
         self._send("progress", text=f"reference: {name}", done=done, total=count)
+
+    def cell(self, cell: Cell, number: int, total: int, seconds_left: float) -> None: ...
+    def point(self, spp: int, seconds: float, error: float) -> None: ...
+    def finished(self, cell: Cell, event: records.AnyCell) -> None: ...
+    def verify_job(self, name: str, number: int, total: int) -> None: ...
 
 
 class Replicates:
