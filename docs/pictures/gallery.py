@@ -32,8 +32,8 @@ This page shows the scenes in `scenes/` that you can name without a path, and `w
 - media: `dusty_room`, `milk`; instances: `meadow`, with 3,800,000 triangles; glTF: `watch.glb`
 
 The comment on top of a scene's file says more. Scenes for which this page names no source were made for raybench. `scenes/`
-also contains `lantern.xml`, a Mitsuba scene, and the folders `mobilert`, `scaling` (two scenes in five sizes) and `disagreements`
-([scenes on which renderers differ](how/where_renderers_differ.md)).
+also contains `lantern.xml`, a Mitsuba scene, and the folders `mobilert`, `scaling` (two scenes in five sizes) and
+`disagreements` ([scenes on which renderers differ](how/where_renderers_differ.md)).
 
 ## Furnished scenes
 
