@@ -206,10 +206,11 @@ def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 def claims(race: Race) -> None:
     """Raises `AssertionError` with the sentence that the archive does not bear out."""
-    for scene in race.scenes:
-        for target in race.targets:
-            best = race.possible(scene, target)
-            assert {"numba", "numba-random"} & {*best}, f"numba is among the fastest everywhere: {scene}, {target}: {best}"
+    first = {(scene, target): race.possible(scene, target) for scene in race.scenes for target in race.targets}
+    nobody = [place for place, best in first.items() if not best]
+    assert nobody == [("living_room", race.targets[-1])], f"somebody reached every error but the smallest of living_room: {nobody}"
+    for place, best in first.items():
+        assert not best or {"numba", "numba-random"} & {*best}, f"numba is among the fastest everywhere: {place}: {best}"
     for target in race.targets:
         best = race.possible("gears", target)
         assert {"numba", "mitsuba"} <= {*best}, f"gears: numba and Mitsuba are not separated to {target}: {best}"
@@ -217,7 +218,7 @@ def claims(race: Race) -> None:
     mesh = {key: race.at("cornell_mesh", hardest, key).seconds for key in CONTESTANTS}
     assert min(mesh, key=mesh.__getitem__) == "mitsuba", f"Mitsuba has the shortest time on cornell_mesh: {mesh}"
     assert not race.ranked("cornell_mesh", "mitsuba"), "Mitsuba is not ranked on cornell_mesh"
-    for scene, peer in (("cornell_box", "mitsuba"), ("gears", "mitsuba"), ("two_spheres", "mitsuba-random")):
+    for scene, peer in (("cornell_box", "mitsuba"), ("gears", "mitsuba")):
         ours, other = race.at(scene, hardest, "embree"), race.at(scene, hardest, peer)
         assert ours.seconds_low > other.seconds_high, f"embree is slower than {peer} on {scene}: {ours}, {other}"
         assert race.ranked(scene, "embree") and race.ranked(scene, peer), f"both are ranked on {scene}"
