@@ -208,7 +208,9 @@ def claims(race: Race) -> None:
     """Raises `AssertionError` with the sentence that the archive does not bear out."""
     first = {(scene, target): race.possible(scene, target) for scene in race.scenes for target in race.targets}
     nobody = [place for place, best in first.items() if not best]
-    assert nobody == [("living_room", race.targets[-1])], f"somebody reached every error but the smallest of living_room: {nobody}"
+    assert nobody == [("living_room", race.targets[-1])], (
+        f"somebody reached every error but the smallest of living_room: {nobody}"
+    )
     for place, best in first.items():
         assert not best or {"numba", "numba-random"} & {*best}, f"numba is among the fastest everywhere: {place}: {best}"
     for target in race.targets:

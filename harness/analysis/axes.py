@@ -104,7 +104,7 @@ def places(results: Results) -> dict[Settings, int]:
     names = {one.engine for one in written}
 
     def alike(one: Combination, settings: Settings) -> int:
-        """How many settings of a combination these are; it may leave options, precision and resolution to engine and scene."""
+        """How many settings of a combination these are; it may leave shader, options, precision and resolution to engine and scene."""
         return (
             (one.rays is None)
             + (one.scene.name == settings.scene)
@@ -123,10 +123,10 @@ def places(results: Results) -> dict[Settings, int]:
     return found
 
 
-def _is_written(written: Choice, choice: Choice) -> bool:
-    """Whether a choice has the name and the options of the written one. Those of its options that are written nowhere do not
-    matter; those that descriptions leave out do."""
-    return written.name == choice.name and written.options.items() <= choice.options.items()
+def _is_written(written: Choice | None, choice: Choice) -> bool:
+    """Whether a choice has the name and the options of the written one, or none is written. Those of its options that are
+    written nowhere do not matter; those that descriptions leave out do."""
+    return written is None or written.name == choice.name and written.options.items() <= choice.options.items()
 
 
 def is_named(written: str, engine: str, names: Iterable[str]) -> bool:
