@@ -126,7 +126,7 @@ def places(results: Results) -> dict[Settings, int]:
 def _is_written(written: Choice | None, choice: Choice) -> bool:
     """Whether a choice has the name and the options of the written one, or none is written. Those of its options that are
     written nowhere do not matter; those that descriptions leave out do."""
-    return written is None or written.name == choice.name and written.options.items() <= choice.options.items()
+    return written is None or (written.name == choice.name and written.options.items() <= choice.options.items())
 
 
 def is_named(written: str, engine: str, names: Iterable[str]) -> bool:
