@@ -207,12 +207,12 @@ def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 def claims(race: Race) -> None:
     """Raises `AssertionError` with the sentence that the archive does not bear out."""
     first = {(scene, target): race.possible(scene, target) for scene in race.scenes for target in race.targets}
-    nobody = [place for place, best in first.items() if not best]
+    nobody = [place for where, best in first.items() if not best]
     assert nobody == [("living_room", race.targets[-1])], (
         f"somebody reached every error but the smallest of living_room: {nobody}"
     )
-    for place, best in first.items():
-        assert not best or {"numba", "numba-random"} & {*best}, f"numba is among the fastest everywhere: {place}: {best}"
+    for where, best in first.items():
+        assert not best or {"numba", "numba-random"} & {*best}, f"numba is among the fastest everywhere: {where}: {best}"
     for target in race.targets:
         best = race.possible("gears", target)
         assert {"numba", "mitsuba"} <= {*best}, f"gears: numba and Mitsuba are not separated to {target}: {best}"
