@@ -207,7 +207,7 @@ def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 def claims(race: Race) -> None:
     """Raises `AssertionError` with the sentence that the archive does not bear out."""
     first = {(scene, target): race.possible(scene, target) for scene in race.scenes for target in race.targets}
-    nobody = [place for where, best in first.items() if not best]
+    nobody = [where for where, best in first.items() if not best]
     assert nobody == [("living_room", race.targets[-1])], (
         f"somebody reached every error but the smallest of living_room: {nobody}"
     )
