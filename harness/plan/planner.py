@@ -20,11 +20,12 @@ from engines.errors import ConfigError, suggestion
 from engines.film import BYTES_A_PIXEL as FILM_BYTES
 from engines.registry import is_file
 from engines.scene import Scene, counted, primitives_of
+from engines.schema.yaml_file import locate
 from harness.config import SCHEMA_VERSION, Experiment
 from harness.config.experiment import FEWEST_TWINS, PREFERRED_BASELINES
 from harness.config.filters import Filter
 from harness.config.paths import shown
-from harness.config.settings import Budget, Combination
+from harness.config.settings import SHADER, Budget, Combination
 from harness.hashing import digest
 from harness.measure.schedule import Schedule
 from harness.metrics import as_error
@@ -170,6 +171,11 @@ def _pairs_exist(experiment: Experiment, configurations: Iterable[Cell]) -> None
             raise ConfigError(f"{where}: its sides are in different divisions, which are not compared")
 
 
+def _shader_of(scene: Scene) -> Choice:
+    """The shader that the scene's file names, or its media need."""
+    return SHADER.read(locate(scene.shader or "path_tracer", "", ConfigError))
+
+
 def _configured(experiment: Experiment, combination: Combination, known: Loaded) -> tuple[Cell, PlannedReference | None]:
     """A configuration as a cell without block and seed, and the reference it needs."""
     if combination.rays is not None:
@@ -180,7 +186,7 @@ def _configured(experiment: Experiment, combination: Combination, known: Loaded)
     width, height = combination.resolution or scene.camera.resolution
     memory.require(BYTES_A_PIXEL * width * height, f"{experiment.source} resolution: a cell of {width}x{height} pixels")
     settings = CellSettings(
-        shader=known.completed("shader", combination.shader or Choice.of(scene.shader or {"name": "path_tracer"})),
+        shader=known.completed("shader", combination.shader or _shader_of(scene)),
         sampler=known.completed("sampler", combination.sampler),
         accelerator=accelerator,
         precision=combination.precision or "float64",

@@ -172,4 +172,4 @@ def test_no_precision_rounds_a_phase_function_to_a_single_direction(real):
     rows = medium_rows([HomogeneousMedium("m", (1.0,) * 3, (1.0,) * 3, side * g) for side in (1, -1) for g in gs], real)
     assert rows.dtype == real
     assert (np.abs(rows[:, -1]) < 1.0).all()
-    assert rows[:3, -1] == pytest.approx(gs, rel=np.finfo(real).eps)
+    assert rows[:3, -1] == pytest.approx(gs, rel=float(np.finfo(real).eps))
