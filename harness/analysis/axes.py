@@ -104,7 +104,7 @@ def places(results: Results) -> dict[Settings, int]:
     names = {one.engine for one in written}
 
     def alike(one: Combination, settings: Settings) -> int:
-        """How many settings of a combination these are; what it leaves to engine and scene, as options or a shader, counts."""
+        """How many settings of a combination agree with these. What it leaves to engine and scene agrees with everything."""
         return (
             (one.rays is None)
             + (one.scene.name == settings.scene)

@@ -167,7 +167,7 @@ def _engine_names(found: Any) -> tuple[Any, ...]:
 
 
 def _options(found: Choice | None) -> dict[str, Any]:
-    """The name and the options of a choice; of a shader that the scene is to name there are none yet."""
+    """The name and the options of a choice; none where the shader is left to the scene."""
     return {} if found is None else {"name": found.name, **found.options}
 
 

@@ -78,7 +78,7 @@ class Standing:
         return estimate_text((1 / rival.ratio, 1 / rival.ratio_high, 1 / rival.ratio_low)), rival.contestant
 
     def doubt(self, row: Any, other: str) -> str:
-        """What the verdict of the ratio of two says, where that is not that one is faster: it is one of several tests."""
+        """A remark where the verdict on the ratio of two contestants is neither faster nor slower: other tests say who is first."""
         verdict = next(
             each.verdict for each in (row, *self.ranked) if {each.contestant, each.baseline} == {row.contestant, other}
         )
@@ -136,8 +136,11 @@ def _parts(of: Standing) -> Iterator[str]:
     if len(of.possible) == 1:
         ((verdict, best),) = of.possible
         _, bracket, interval = seconds_text(best).partition(" [")
-        alone = "is the only one ranked and took" if len(of.rows) > 1 else "ran alone and took"
-        yield f"{best.contestant} {'is first, after' if len(of.ranked) > 1 else alone} {_value(best)}{bracket}{interval}"
+        if len(of.ranked) > 1:
+            said = "is first, after"
+        else:
+            said = "is the only one ranked and took" if len(of.rows) > 1 else "ran alone and took"
+        yield f"{best.contestant} {said} {_value(best)}{bracket}{interval}"
         ratio, other = of.ratio_of(best)
         others = [row for row in of.ranked if isfinite(row.seconds) and row is not best]
         if others and (second := min(others, key=lambda row: row.seconds)).contestant != other:
