@@ -78,7 +78,7 @@ class Standing:
         return estimate_text((1 / rival.ratio, 1 / rival.ratio_high, 1 / rival.ratio_low)), rival.contestant
 
     def doubt(self, row: Any, other: str) -> str:
-        """A remark where the verdict on the ratio of two contestants is neither faster nor slower: other tests say who is first."""
+        """A remark where the ratio of two is neither faster nor slower by itself: other tests say who is first."""
         verdict = next(
             each.verdict for each in (row, *self.ranked) if {each.contestant, each.baseline} == {row.contestant, other}
         )
