@@ -24,7 +24,10 @@ def convert(
             help="A .xml for Mitsuba 3, a .pbrt for pbrt-v4, or a folder for a raybench scene: scene.yaml in it is replaced.",
         ),
     ],
-    max_depth: Annotated[int, typer.Option(min=1, help="Largest number of segments of a path, for other renderers.")] = 6,
+    max_depth: Annotated[
+        int | None,
+        typer.Option(min=1, help="Largest number of segments of a path, for other renderers.", show_default="the scene's own, or 6"),
+    ] = None,
     spp: Annotated[int, typer.Option(min=1, help="Samples per pixel, for other renderers.")] = 64,
     define: Define = None,
     allow_imports: AllowImports = False,
@@ -41,7 +44,8 @@ def convert(
         written = output / f"{file.stem}{suffix}" if output.is_dir() else output
         targets = written, written.with_name(f"{written.stem}_files")
         held = _loaded(file, targets, allow_imports, allow_outside, define)
-        typer.echo(f"written: {export(held, FORMATS[suffix], output, max_depth, spp)}")
+        depth = max_depth or (held.shader or {}).get("max_depth", 6)
+        typer.echo(f"written: {export(held, FORMATS[suffix], output, depth, spp)}")
     elif output.name in ("scene.yaml", "scene.yml"):
         _write_scene(scene, output.parent, define, allow_imports, allow_outside)
     elif not suffix or output.is_dir():

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from engines.choices import Choice
+from engines.choices import SHADERS, Choice
 from engines.errors import ConfigError, Unsupported
 from engines.interface import Engine, Settings
 from engines.registry import engine as engine_of
@@ -32,6 +32,7 @@ REST_SECONDS = 0.15
 """The full image starts after this time without a camera move or drag."""
 MAX_PIXELS_BESIDE = 1 << 20
 """Images up to this size are prepared while the old one is still held."""
+VOLUMETRIC = "volumetric_path_tracer"
 CHUNK_SECONDS = 0.1
 """Render time between two looks at the queue of requests."""
 
@@ -117,6 +118,9 @@ class ViewController(Controller):
             raise Unsupported(refusal)
         for warning in scene.warnings:
             self._message("warning", text=warning)
+        shader = Choice.of(request.settings.shader).name
+        if scene.media and shader in SHADERS and shader != VOLUMETRIC:
+            self._message("warning", text=f"{shader} leaves out the media of the scene; {VOLUMETRIC} renders them")
         before = None
         interactive = self._prepared(scene, engine, settings)
         interactive.offsets = offsets

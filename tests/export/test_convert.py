@@ -105,10 +105,11 @@ def folder(tmp_path):
     return tmp_path
 
 
-def converted(folder, source, output):
+def converted(folder, source, output, *options):
     """The path that the command has written, which its last line tells."""
     target = folder / output
-    done = CliRunner().invoke(app, ["convert", str(folder / "source" / source), "-o", str(target), "--max-depth", str(DEPTH)])
+    options = options or ("--max-depth", str(DEPTH))
+    done = CliRunner().invoke(app, ["convert", str(folder / "source" / source), "-o", str(target), *options])
     if done.exception is not None and not isinstance(done.exception, SystemExit):
         raise done.exception
     assert done.exit_code == 0, done.output
@@ -141,6 +142,11 @@ def test_the_mitsuba_file_reads_as_the_source(name, folder):
     assert written.shader["name"] == ("volumetric_path_tracer" if source.media else "path_tracer")
     ours, theirs = films(source, "numpy", spp=2, sampler="sobol"), films(written, "numpy", spp=2, sampler="sobol")
     assert theirs == pytest.approx(ours, abs=2e-4)
+
+
+@pytest.mark.parametrize(("name", "depth"), [("room.xml", 4), ("room.yaml", 6)])
+def test_a_depth_that_the_source_has_is_kept_where_none_is_given(name, depth, folder):
+    assert engines.load_scene(converted(folder, name, "out.xml", "--spp", "1")).shader["max_depth"] == depth
 
 
 @pytest.mark.parametrize("name", SOURCES)

@@ -140,6 +140,18 @@ def test_invalid_requests_are_answered_and_change_nothing(viewer):
         assert tab.state("finished")["spp"] == 1
 
 
+def test_a_shader_that_leaves_out_the_media_of_a_scene_is_warned_of(viewer, folder):
+    foggy = (folder / "ball.yaml").read_text().replace("resolution:", "medium: fog, resolution:")
+    (folder / "fog.yaml").write_text(foggy + "media: {fog: {sigma_t: 1, albedo: 0.5}}\n")
+    with Tab(viewer) as tab:
+        told = []
+        for shader in ("path_tracer", "volumetric_path_tracer"):
+            tab.send(**{**ENDLESS, "scene": "fog.yaml", "spp": 1, "settings": {**SETTINGS, "shader": {"name": shader}}})
+            tab.receive(lambda header: told.append(header) or header["type"] == "opened")
+        warnings = [header["text"] for header in told if header["type"] == "warning"]
+        assert warnings == ["path_tracer leaves out the media of the scene; volumetric_path_tracer renders them"]
+
+
 def test_a_scene_outside_the_folder_is_refused(viewer, folder, tmp_path):
     (tmp_path / "secret.yaml").write_text((folder / "ball.yaml").read_text())
     (folder / "link.yaml").symlink_to(tmp_path / "secret.yaml")

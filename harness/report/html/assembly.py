@@ -59,7 +59,7 @@ VERDICT_CLASSES = {
     "failed": "bad",
     "timeout": "bad",
     "shallower": "bad",
-    "same": "even",
+    "same": "equal",
     "unresolved": "even",
     "unknown": "even",
     "skipped": "even",
