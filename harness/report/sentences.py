@@ -133,7 +133,7 @@ def _of_target(analysis: Analysis, words: _Words, value: str, over: str, rows: F
         start = "" if parts else f"{words.start} "
         parts.append(f"{start}{_shares(alone, words.whose)} in the race of that scene alone, not in all scenes together")
     if within:
-        start = "" if parts else f"{words.start} {_range(within)} of {words.whose}: "
+        start = "" if parts else f"{words.start} {_range(within)} {words.whose}: "
         parts.append(f"{start}not separated on {_places(within)}{_repeats(within, _family(analysis, rows), analysis)}")
     parts += _unreached(analysis, compared, value, over, every)
     parts += _not_compared([row for row in rows.itertuples() if row.no_ratio])
@@ -159,11 +159,17 @@ def _not_compared(rows: Sequence[Any]) -> Iterator[str]:
 
 def _shares(rows: Sequence[Any], whose: str) -> str:
     """`0.38 (0.36 to 0.41) of random's time on cornell_box, 0.5 (0.4 to 0.6) on gears`."""
+    of = _of(1 / rows[0].ratio)
     if len(rows) > MOST_PLACES:
         least, most = ((_share(row), _place(row)) for row in (rows[0], rows[-1]))
-        return f"{least[0]} of {whose} on {least[1]} to {most[0]} on {most[1]}, {len(rows)} comparisons in all"
+        return f"{least[0]} {of} {whose} on {least[1]} to {most[0]} on {most[1]}, {len(rows)} comparisons in all"
     first, *rest = [(f"{_share(row)} ({_interval(row)})", _place(row)) for row in rows]
-    return ", ".join([f"{first[0]} of {whose} on {first[1]}", *(f"{share} on {place}" for share, place in rest)])
+    return ", ".join([f"{first[0]} {of} {whose} on {first[1]}", *(f"{share} on {place}" for share, place in rest)])
+
+
+def _of(share: float) -> str:
+    """`0.4 of the time`, `1.8 times the time`."""
+    return "of" if share <= 1 else "times"
 
 
 def _share(row: Any) -> str:
@@ -176,12 +182,12 @@ def _interval(row: Any) -> str:
 
 
 def _range(rows: Sequence[Any]) -> str:
-    """The interval of one row; of several rows from the lowest end to the highest."""
+    """The interval of one row, of several rows from the lowest end to the highest: `0.9 to 1.2 times`."""
     lows = [0.0 if math.isinf(row.ratio_high) else 1 / row.ratio_high for row in rows]
     highs = [1 / row.ratio_low if row.ratio_low > 0 else math.inf for row in rows]
     if any(map(math.isnan, [*lows, *highs])):
-        return number_text(1 / rows[0].ratio)
-    return f"{number_text(min(lows))} to {number_text(max(highs))}"
+        return f"{_share(rows[0])} {_of(1 / rows[0].ratio)}"
+    return f"{number_text(min(lows))} to {number_text(max(highs))} {_of(max(highs))}"
 
 
 def _place(row: Any) -> str:
