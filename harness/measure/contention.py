@@ -1,7 +1,7 @@
 """What disturbed a timing, and whether that was too much: waiting for a processor, stolen time, work of other processes.
 
 A cell is contended where its threads waited in the run queue, or were stolen from by other guests of the host, for more than
-`SHARE` of the wall time of its timed calls, times its threads. Where the kernel does not say what threads wait, and where
+`SHARE` of the wall time of its timed calls, and more than `SLICE`, times its threads. Where the kernel does not say what threads wait, and where
 a cell has more threads than there are cores, so that they wait for each other, cells of one contestant are compared:
 `contended_by_cpu_time`.
 """
@@ -29,6 +29,8 @@ except ImportError:  # Windows
 
 SHARE = 0.05
 """Of wall time times threads."""
+SLICE = 0.002
+"""Seconds a thread: on an idle machine, threads that an engine starts wait about a millisecond to be spread over the cores."""
 LEAST_CPU_SECONDS = 0.5
 """Of a cell, for its share of a processor to mean anything."""
 RUN_QUEUE, CPU_TIME = "run queue", "cpu time"
@@ -157,7 +159,7 @@ def judged(machine: Mapping[str, Any], threads: int, ended: float = 0.0) -> dict
     if waited is None or wall is None or threads > len(usable_cores()):
         return {**machine, "contended": False, "contention_rule": CPU_TIME}
     waited += ended
-    contended = waited + (steal or 0.0) > SHARE * wall * threads
+    contended = waited + (steal or 0.0) > max(SHARE * wall, SLICE) * threads
     return {**machine, "run_queue_seconds": round(waited, 6), "contended": contended, "contention_rule": RUN_QUEUE}
 
 

@@ -349,7 +349,7 @@ def test_each_group_of_claims_of_the_committed_chapter_can_fail(script):
             with pytest.raises(AssertionError):
                 check(facts)
     facts.error = lambda phrase, spp: Estimate(1.0, 0.9, 1.1, 4)
-    facts.build = lambda phrase: Estimate(1.0, 0.9 if phrase == "gears" else 0.1, 1.1 if phrase == "gears" else 0.2, 4)
+    facts.build = lambda phrase: Estimate(1.0, 0.1 if phrase == "gears" else 0.9, 0.2 if phrase == "gears" else 1.1, 4)
     for check in (script.check_fireflies, script.check_discussion):
         with pytest.raises(AssertionError, match=r"1\.0"):
             check(facts)

@@ -60,6 +60,11 @@ def test_waits_and_stolen_time_are_held_against_wall_time_times_threads(machine,
     assert report["steal_seconds"] == steal and report["involuntary_switches"] == 2
 
 
+def test_a_wait_as_short_as_the_start_of_threads_disturbs_no_cell_however_short(machine):
+    for wait, expected in ((3 * MILLISECOND, False), (5 * MILLISECOND, True)):
+        assert judged(disturbed(machine, {1: 0}, {1: wait}, wall=0.01).report(), 2)["contended"] == expected
+
+
 def test_work_of_others_alone_disturbs_nobody(machine):
     report = judged(disturbed(machine, {1: 0}, {1: 0}, others=1.0).report(), 1)
     assert report["other_cpu_seconds"] == 1.0 and report["cpu_seconds"] == 1.0 and not report["contended"]
