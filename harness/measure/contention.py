@@ -1,9 +1,9 @@
 """What disturbed a timing, and whether that was too much: waiting for a processor, stolen time, work of other processes.
 
 A cell is contended where its threads waited in the run queue, or were stolen from by other guests of the host, for more than
-`SHARE` of the wall time of its timed calls, and more than `SLICE`, times its threads. Where the kernel does not say what threads wait, and where
-a cell has more threads than there are cores, so that they wait for each other, cells of one contestant are compared:
-`contended_by_cpu_time`.
+`SHARE` of the wall time of its timed calls, and more than `SLICE`, times its threads. Where the kernel does not say what
+threads wait, and where a cell has more threads than there are cores, so that they wait for each other, cells of one contestant
+are compared: `contended_by_cpu_time`.
 """
 
 from __future__ import annotations
