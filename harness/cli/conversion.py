@@ -25,8 +25,7 @@ def convert(
         ),
     ],
     max_depth: Annotated[
-        int | None,
-        typer.Option(min=1, help="Most segments of a path, for other renderers.", show_default="the scene's, or 6"),
+        int | None, typer.Option(min=1, help="Most segments of a path, for other renderers.", show_default="the scene's, or 6")
     ] = None,
     spp: Annotated[int, typer.Option(min=1, help="Samples per pixel, for other renderers.")] = 64,
     define: Define = None,
