@@ -126,7 +126,8 @@ def _labels(results: Results, baselines: Baselines, found: Sequence[Further]) ->
     for each, words in zip(found, shared, strict=True):
         one, other = each.contestant, each.baseline
         if each.axis:
-            settings = " ".join(word for key, word in words.items() if word and len(varied[place(each, key)]) > 1)
+            told = (word for key, word in words.items() if word and len(varied[place(each, key)]) > 1)
+            settings = " ".join(dict.fromkeys(told))  # embree's accelerator is embree
             made.append(
                 Labels(each.axis, _value(each.axis, one, other, choices), _value(each.axis, other, one, choices), settings)
             )

@@ -19,13 +19,14 @@ FIVE = ["mobilert_spheres", "mobilert_spheres2", *LARGE]
 """All scenes but the two rooms."""
 THREADS = [f"{scene}, {tree}" for tree in ("numba bvh", "embree") for scene in ("mobilert_cornell2", *LARGE)]
 SHADED = ["mobilert_cornell2", "mobilert_spheres2", "sphereflake", "gears"]
+PIXELS = 160 * 160
 PORT = ["dahlquist, 1 thread", "dahlquist, 2 threads"]
 
 
 def check_accelerators(facts: Facts) -> None:
     assert facts.fastest(MOBILERT, "numba brute force"), "brute force is the fastest on the four scenes of MobileRT"
-    bvh = facts.speedup(["sphereflake", "gears"], "numba bvh", "embree")
-    assert bvh.better, f"numba's BVH is faster than Embree on sphereflake and gears: {bvh.verdicts}"
+    bvh = facts.speedup(LARGE, "numba bvh", "embree")
+    assert bvh.better, f"numba's BVH is faster than Embree on the three large scenes: {bvh.verdicts}"
     bvh = facts.speedup(LARGE, "numba bvh", "numba grid")
     assert bvh.better, f"the grid is slower than the BVH on all three large scenes: {bvh.verdicts}"
     bvh = facts.speedup("teapot_stadium", "numba bvh", "numba grid")
@@ -36,7 +37,6 @@ def check_accelerators(facts: Facts) -> None:
     for scene in ("teapot_stadium", "gears"):
         numba, embree = facts.build(scene), facts.build(f"{scene}, embree")
         assert embree.high < numba.low, f"on {scene} Embree is the faster builder: {numba}, {embree}"
-    assert facts.speedup("gears", "embree", "numba bvh").least > 0.5, "few samples are finished sooner with Embree"
 
 
 def check_threads(facts: Facts) -> None:
@@ -63,7 +63,10 @@ def check_samplers(facts: Facts) -> None:
         assert sobol.better, f"sobol has a smaller error than {other} on the five scenes that are no rooms: {sobol.verdicts}"
     sobol = facts.time_ratio(FIVE, "sobol", "random")
     assert sobol.better, f"in time to a quality sobol is ahead of random on the same five scenes: {sobol.verdicts}"
-    sobol = facts.speedup("gears", "sobol", "random")
+    gains = {scene: facts.time_ratio(scene, "sobol", "random").least for scene in FIVE}
+    assert min(gains, key=gains.__getitem__) == "mobilert_spheres2", f"sobol gains least on mobilert_spheres2: {gains}"
+    assert max(gains, key=gains.__getitem__) == "teapot_stadium", f"sobol gains most on teapot_stadium: {gains}"
+    sobol = facts.speedup(FIVE, "sobol", "random")
     assert sobol.least > 0.9, f"the samplers' own cost changes little: {sobol}"
 
     for one, other in (("random", "sobol"), ("sobol", "random")):
@@ -75,11 +78,11 @@ def check_samplers(facts: Facts) -> None:
 
 
 def check_fireflies(facts: Facts) -> None:
-    share = facts.tail_share("mobilert_cornell", 16)
+    share = facts.tail_share("mobilert_cornell", 64)
     assert share > 30, f"the worst pixels of mobilert_cornell hold much of the error: {share} %"
-    original, control = facts.error("mobilert_cornell", 16), facts.error("cornell_lowered_light", 16)
+    original, control = facts.error("mobilert_cornell", 64), facts.error("cornell_lowered_light", 64)
     assert original.low > 10 * control.high, f"the control's error is far smaller: {original}, {control}"
-    whitted = facts.error("mobilert_cornell, whitted", 16)
+    whitted = facts.error("mobilert_cornell, whitted", 64)
     assert whitted.high < 0.01, f"whitted, without diffuse bounces, has a small error: {whitted}"
 
 
@@ -87,13 +90,19 @@ def check_port(facts: Facts) -> None:
     for other in ("numba area_hierarchy", "numba brute force", "embree", "dahlquist brute force"):
         port = facts.speedup(PORT, "dahlquist area_hierarchy", other)
         assert port.better, f"the port with its area hierarchy is faster than {other}: {port.verdicts}"
+    brute = facts.speedup("dahlquist, 1 thread", "dahlquist brute force", "numba brute force")
+    assert brute.better, f"the accelerator explains only a part of the difference: {brute.verdicts}"
     hierarchy = facts.speedup("dahlquist, 1 thread", "numba area_hierarchy", "numba brute force")
-    assert hierarchy.greatest < 1.5, f"the accelerator does not explain the difference: {hierarchy}"
+    assert not hierarchy.better, f"in numba the area hierarchy gains nothing: {hierarchy.verdicts}"
 
 
 def check_discussion(facts: Facts) -> None:
-    bvh, grid = facts.build("gears"), facts.build("gears, numba grid")
-    assert grid.high < bvh.low, f"on gears the grid is built sooner than numba's BVH: {grid}, {bvh}"
+    for scene in LARGE:
+        grid, embree = (f"{scene}, {name}" for name in ("numba grid", "embree"))
+        builds = facts.build(grid).value, facts.build(embree).value
+        assert builds[0] < builds[1], f"on {scene} the grid is built soonest: {builds}"
+        first = [facts.build(one).value + PIXELS / facts.speed(one).value for one in (grid, embree)]
+        assert first[0] > first[1], f"on {scene} Embree takes less time for build and one sample together: {first} ms"
     for one, other in (("random", "sobol"), ("sobol", "random")):
         errors = facts.error_ratio("mobilert_cornell", one, other)
         assert not errors.better, f"on mobilert_cornell random and sobol are not separated: {errors.verdicts}"
@@ -115,16 +124,15 @@ def compose(analyses: Sequence[Analysis], sections: Sequence[Section]) -> Chapte
     facts = Facts(analyses, USUAL)
     for check in CHECKS:
         check(facts)
-    error = facts.error("mobilert_cornell", 16).value
-    paths = facts.build("gears").value * facts.speed("gears").value
+    error = facts.error("mobilert_cornell", 64).value
+    numba, embree = ((facts.build(one).value, PIXELS / facts.speed(one).value) for one in ("gears", "gears, embree"))
     functions = ("place", "primitives", "blocks", "cells", "contended", "persistent_spread", "build", "error", "tail_share")
     values = {
         **{name: getattr(facts, name) for name in (*functions, "speedup", "error_ratio", "time_ratio")},
         **{"MOBILERT": MOBILERT, "LARGE": LARGE, "FIVE": FIVE, "THREADS": THREADS},
-        "paths_in_a_build": paths,
-        "samples_in_a_build": paths / 160**2,
-        "error_over_that_of_cornell2": error / facts.error("mobilert_cornell2", 16).value,
-        "error_over_that_of_the_control": error / facts.error("cornell_lowered_light", 16).value,
+        "break_even": round((numba[0] - embree[0]) / (embree[1] - numba[1])),
+        "error_over_that_of_cornell2": error / facts.error("mobilert_cornell2", 64).value,
+        "error_over_that_of_the_control": error / facts.error("cornell_lowered_light", 64).value,
     }
     return filled(HERE / "prose.md", values, sections)
 

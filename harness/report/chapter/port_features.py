@@ -15,14 +15,14 @@ from harness.config import paths
 from harness.report.chapter.document import Section, TablePart
 from harness.report.chapter.texts import listed
 from harness.report.tables import Column, Table
-from harness.store.results import Results
+from harness.store.results import BRUTE_FORCE, Results
 
 PORT = "dahlquist"
 ELSEWHERE = "two_spheres"
 """A small scene that is none of the port's."""
 FACTS = (
     ("light", "a sun, without shadows", "emitting shapes, points, suns and skies, with shadows"),
-    ("surfaces", "a colour and a whole mirror on top of it", "diffuse, mirror, glass"),
+    ("surfaces", "a colour and a whole mirror on top of it", "diffuse, mirrors, glass, metals, plastic, blends"),
     ("what is behind", "a picture fixed to the screen; mirrors show another", "one environment, seen and mirrored alike"),
     (
         "numbers",
@@ -45,7 +45,7 @@ def section(analysis: Analysis) -> Section:
     table = Table(
         "port_features",
         "What each can do",
-        "Accelerators are those that were raced, and in brackets what else there is.",
+        "Accelerators are those that were raced, then in brackets any others.",
         [
             Column("feature", "Feature."),
             Column("port", "Dahlquist's ray tracer.", title="Dahlquist's ray tracer"),
@@ -88,7 +88,11 @@ def _accelerators(results: Results, engine: str) -> str:
         others = [name for name in engines.engine(engine).accelerators() if name not in (*raced, "auto")]
     except RaybenchError:
         others = []
-    return f"{engine}: {listed(raced)}{f' ({listed(others)})' if others else ''}"
+    return f"{engine}: {listed(_named(raced))}{f' ({listed(_named(others))})' if others else ''}"
+
+
+def _named(accelerators: Iterable[str]) -> list[str]:
+    return [BRUTE_FORCE if name == "none" else name for name in accelerators]
 
 
 def _depth(results: Results) -> str:
