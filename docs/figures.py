@@ -225,7 +225,7 @@ def claims(race: Race) -> None:
         assert ours.seconds_low > other.seconds_high, f"embree is slower than {peer} on {scene}: {ours}, {other}"
         assert race.ranked(scene, "embree") and race.ranked(scene, peer), f"both are ranked on {scene}"
     ranked = {key: [scene for scene in race.scenes if race.ranked(scene, key)] for key in ("luxcore", "cycles")}
-    assert ranked == {"luxcore": ["gears"], "cycles": ["cornell_box", "study"]}, f"where LuxCore and Cycles are ranked: {ranked}"
+    assert ranked == {"luxcore": ["gears"], "cycles": ["cornell_box", "study"]}, f"where they are ranked: {ranked}"
     for key, scenes in ranked.items():
         for scene in scenes:
             ratio = race.at(scene, hardest, key).seconds_low / race.at(scene, hardest, "numba").seconds_high
