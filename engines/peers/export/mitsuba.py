@@ -46,7 +46,8 @@ def write_mitsuba(scene: Scene, path: Path, max_depth: int = 6, spp: int = 64) -
     beside = Beside(path)
     nodes = described(scene, Placing(beside.mesh, beside.image)).nodes
     kind = "volpath" if scene.media else "path"
-    nodes["integrator"] = {"type": kind, "max_depth": max_depth, "rr_depth": 1000}
+    rr_depth = (scene.shader or {}).get("rr_depth", 1000)
+    nodes["integrator"] = {"type": kind, "max_depth": max_depth, "rr_depth": rr_depth}
     width, height = scene.camera.resolution
     nodes["sensor"] = sensor(scene.camera, width, height, {"type": "independent", "sample_count": spp}, extent(scene))
     root = ElementTree.Element("scene", version=VERSION)
