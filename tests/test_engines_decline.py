@@ -8,6 +8,7 @@ import engines
 from engines import Settings, Unsupported
 from engines.peers.export import export
 from engines.scene import flattened
+from tests.needs import needs
 
 ENGINES = ("numpy", "numba", "embree", "embreex_batch", "mitsuba", "mitsuba_scalar", "dahlquist")
 TRIANGLE = {"triangle": {"a": [0, 0, 0], "b": [1, 0, 0], "c": [0, 1, 0]}, "material": "grey"}
@@ -55,13 +56,17 @@ def _reason(engine, scene):
     return reason
 
 
-def test_engines_that_draw_no_instances_say_so_and_render_the_flattened_scene(tmp_path):
+def test_engines_that_draw_no_instances_say_so(tmp_path):
     scene = _scene(PARTS["instance"])
     assert _reason(engines.engine("mitsuba"), scene) == "shapes[0]: Mitsuba does not support the shape Instance"
     for form, who in (("mitsuba", "Mitsuba"), ("pbrt", "pbrt")):
         with pytest.raises(Unsupported, match=rf"shapes\[0\]: {who} does not support the shape Instance"):
             export(scene, form, tmp_path)
-    assert _reason(engines.engine("mitsuba"), flattened(scene)) is None
+
+
+@needs("mitsuba-scalar")
+def test_mitsuba_renders_a_flattened_scene():
+    assert _reason(engines.engine("mitsuba_scalar"), flattened(_scene(PARTS["instance"]))) is None
 
 
 def _light(plugin):
