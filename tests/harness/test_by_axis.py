@@ -176,6 +176,13 @@ def test_a_sentence_tells_each_scene_and_what_is_not_separated(tmp_path):
     assert " of numba's time on hall; not separated on yard (some " in line and line.endswith(" repeats would tell).")
 
 
+@pytest.mark.parametrize(("seconds", "words"), [(0.005, "of random's time"), (0.02, "times random's time")])
+def test_a_sentence_says_what_share_of_the_time_or_how_many_times_the_time(seconds, words, tmp_path):
+    made = twins(0.01, noise=0.001), contestant(seconds, sampler="sobol", noise=0.001, change=patterned)
+    (line,) = lines(analyse(results(tmp_path, *made)), "sampler")
+    assert line.startswith("sobol reaches 0.01 in ") and f") {words} on hall" in line
+
+
 def test_a_sentence_says_that_twins_are_missing_where_a_clear_ratio_is_not_decided(tmp_path):
     (line,) = lines(analyse(results(tmp_path, contestant(0.01), contestant(0.001, sampler="sobol"))), "sampler")
     assert "not separated on" in line and "without A/A twins" in line
