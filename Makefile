@@ -93,6 +93,7 @@ lint: .venv/.installed-test
 
 # Editable installs with Mitsuba where it can be had; done again when pyproject.toml changes.
 define install
+	@echo "raybench: installing into .venv, which takes a minute or two" >&2
 	@$(PIP) install --quiet --editable '.[mitsuba$(1)]' 2>/dev/null \
 		|| { echo "raybench: Mitsuba cannot be installed, and the benchmark runs without it: $(BIN)/python -m pip install -e '.[mitsuba]' says why" >&2; \
 		$(PIP) install --quiet --editable '.$(2)'; }

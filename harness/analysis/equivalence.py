@@ -222,5 +222,5 @@ def bound(share: float) -> str:
 
 
 def percent(share: float) -> str:
-    """A share in percent with its sign, to two digits."""
-    return f"{100 * share:+.2g} %" if share else "0 %"
+    """A share in percent with its sign, to two digits or whole."""
+    return f"{100 * share:+{'.0f' if abs(share) >= 0.995 else '.2g'}} %" if share else "0 %"

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from engines.choices import Choice
-from harness.analysis.equivalence import EnginePair
+from harness.analysis.equivalence import EnginePair, percent
 from harness.statistics import BiasEstimate, Equivalence, Estimate, PersistentSpread, Slope
 from harness.statistics.bias import RadianceSample
 from harness.store.records import BROKEN
@@ -112,8 +112,8 @@ def bias_sizes(bias: BiasEstimate | None) -> dict[str, str]:
         return {}
     return {
         "biased": f" by {100 * bias.root:.2g} %",
-        "biased_image": f" by {100 * bias.difference:+.2g} %",
-        "biased_tile": f" by {100 * bias.tile_difference:+.2g} % at pixel {bias.worst_tile}",
+        "biased_image": f" by {percent(bias.difference)}",
+        "biased_tile": f" by {percent(bias.tile_difference)} at pixel {bias.worst_tile}",
     }
 
 

@@ -25,7 +25,7 @@ def convert(
         ),
     ],
     max_depth: Annotated[
-        int | None, typer.Option(min=1, help="Most segments of a path, for other renderers.", show_default="the scene's, or 6")
+        int | None, typer.Option(min=1, help="Most segments of a path, for other renderers.", show_default="the scene's, or 16")
     ] = None,
     spp: Annotated[int, typer.Option(min=1, help="Samples per pixel, for other renderers.")] = 64,
     define: Define = None,
@@ -33,6 +33,7 @@ def convert(
     allow_outside: AllowOutside = False,
 ) -> None:
     """Convert a scene, of raybench's, Mitsuba's or glTF's format or a mesh, to raybench's, Mitsuba's or pbrt's."""
+    from engines.choices import SHADERS
     from engines.errors import ConfigError
     from engines.peers.export import export
     from harness.config import paths
@@ -43,8 +44,10 @@ def convert(
         written = output / f"{file.stem}{suffix}" if output.is_dir() else output
         targets = written, written.with_name(f"{written.stem}_files")
         held = _loaded(file, targets, allow_imports, allow_outside, define)
-        depth = max_depth or (held.shader or {}).get("max_depth", 6)
-        typer.echo(f"written: {export(held, FORMATS[suffix], output, depth, spp)}")
+        depth = max_depth or (held.shader or {}).get("max_depth", SHADERS["path_tracer"]["max_depth"].default)
+        file = export(held, FORMATS[suffix], output, depth, spp)
+        beside = file.with_name(f"{file.stem}_files")
+        typer.echo(f"written: {file}{f', {beside}' if beside.exists() else ''}")
     elif output.name in ("scene.yaml", "scene.yml"):
         _write_scene(scene, output.parent, define, allow_imports, allow_outside)
     elif not suffix or output.is_dir():

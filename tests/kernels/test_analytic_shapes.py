@@ -191,3 +191,28 @@ def test_a_ray_does_not_meet_the_disk_that_it_leaves_and_ends_before_its_end(acc
     closest, occluded = run_batch(accelerator, [here], {**ray, **shadow})
     assert closest.tolist() == [0, -1, 0, -1] * 4
     assert occluded.tolist() == [1, 0, 1, 0] * 4
+
+
+@pytest.mark.parametrize(("engine", "precision"), [("numba", "float32"), ("embree", "float32"), ("embree", "float64")])
+@pytest.mark.parametrize(
+    "floor",
+    [
+        {"disk": {"center": [0, 0, 0], "normal": [0, 1, 0], "radius": 45_000}},
+        {"sphere": {"center": [0, -45_000, 0], "radius": 45_000}},
+        {"cylinder": {"p0": [-4000, -45_000, 0], "p1": [4000, -45_000, 0], "radius": 45_000}},
+    ],
+    ids=["disk", "sphere", "cylinder"],
+)
+def test_a_floor_of_any_radius_leaks_no_light(floor, engine, precision):
+    """Rays leave it as far as where they meet it asks for, so that those from beside a ball's foot meet the ball."""
+
+    def film(floor, engine, precision):
+        shapes = [{**floor, "material": "white"}, {"sphere": {"center": [0, 0.5, 0], "radius": 0.5}, "material": "white"}]
+        camera = {**CAMERA, "eye": [0, 1, 4], "target": [0, 0.3, 0], "fov": 18}
+        sky = {"environment": {"radiance": [1, 1, 1]}}
+        scene = engines.scene_from({**EMPTY, "camera": camera, "shapes": shapes, "lights": [sky]})
+        film = engines.engine(engine).prepare(scene, Settings(precision=precision)).render(spp=16)
+        return film.mean().reshape(4, 4, 4, 4, 3).mean((1, 3))  # tiles: a path may turn otherwise
+
+    flat = film({"plane": {"point": [0, 0, 0], "normal": [0, 1, 0]}}, "numba", "float64")
+    assert film(floor, engine, precision) == pytest.approx(flat, rel=0.01)

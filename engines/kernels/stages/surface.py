@@ -30,6 +30,8 @@ from engines.kernels.stages.hit_loads import area_lights, chooses_by_weight, mak
 
 OFFSET_ULPS = 256.0
 """New rays start this many machine epsilons of the largest coordinate away from the surface."""
+FLOAT64_OFFSET = OFFSET_ULPS * float(np.finfo(np.float64).eps)
+"""The same in float64, in which round shapes are intersected whatever the precision of rays."""
 
 _UNLIT: dict[str, Any] = {
     "lights": (),
@@ -73,7 +75,8 @@ def _turn_rays(rays, scene, real):
 
 @inline
 def _turn_hits(rays, scene, real):
-    """Puts what was found in the coordinates of groups into those of the scene."""
+    """Puts what was found in the coordinates of groups into those of the scene, with the rounding of the rays' precision."""
+    per_float64 = np.float64(scene.margins[0].offset) * (1.0 / FLOAT64_OFFSET)
     for lane in range(np.uint64(LANES)):
         keep_scalar()
         if rays.primitive[lane] >= 0 and rays.instance[lane] >= 0:
@@ -83,7 +86,7 @@ def _turn_hits(rays, scene, real):
             shading, tangent = to_float64(found.shading_normal), to_float64(found.tangent)
             rays.found[lane] = ShapeIntersection(
                 real(np.float64(found.t) / stretch),
-                real(instances.reach(instance, p, np.float64(found.scale))),
+                real(instances.reach(instance, p, np.float64(found.scale)) * per_float64),
                 found.u,
                 found.v,
                 to_real(instances.to_scene(instance, p) + instance.moved, real),
@@ -155,13 +158,13 @@ def _store_interaction(rays, lane, found, o, d, miss, offset_scale, tangents):
     scale, start = extent(found.point), extent(o)
     scale = select(start > scale, start, scale)
     scale = select(found.t > scale, found.t, scale)
-    scale = select(found.scale > scale, found.scale, scale)
+    offset, round_offset = scale * offset_scale, found.scale * const(FLOAT64_OFFSET, found.t)
     rays.hit.kind[lane] = select(miss, np.int32(MISS), np.int32(SURFACE))
     rays.hit.front[lane] = front
     rays.t[lane] = select(miss, math.inf, found.t)
     rays.hit.u[lane] = found.u
     rays.hit.v[lane] = found.v
-    rays.hit.offset[lane] = scale * offset_scale
+    rays.hit.offset[lane] = select(round_offset > offset, round_offset, offset)
     rays.hit.point[lane] = found.point
     rays.hit.geometric_normal[lane] = geometric
     rays.hit.normal[lane] = normal

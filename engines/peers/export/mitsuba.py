@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from engines.choices import SHADERS
 from engines.errors import Unsupported
 from engines.peers.adapters.geometry import extent
 from engines.peers.export.files import Beside, numbers
@@ -46,7 +47,7 @@ def write_mitsuba(scene: Scene, path: Path, max_depth: int = 6, spp: int = 64) -
     beside = Beside(path)
     nodes = described(scene, Placing(beside.mesh, beside.image)).nodes
     kind = "volpath" if scene.media else "path"
-    rr_depth = (scene.shader or {}).get("rr_depth", 1000)
+    rr_depth = (scene.shader or {}).get("rr_depth", SHADERS["path_tracer"]["rr_depth"].default)
     nodes["integrator"] = {"type": kind, "max_depth": max_depth, "rr_depth": rr_depth}
     width, height = scene.camera.resolution
     nodes["sensor"] = sensor(scene.camera, width, height, {"type": "independent", "sample_count": spp}, extent(scene))

@@ -12,7 +12,8 @@ class ShapeIntersection(NamedTuple):
 
     t: float
     scale: float
-    """The largest number that rounding has scaled with, besides coordinates and distance: the radius of what is round."""
+    """The largest number that rounding in float64 has scaled with, besides coordinates and distance: the radius of what is
+    round."""
     u: float
     v: float
     """Barycentric weights of a triangle's second and third vertex; 0 elsewhere."""
