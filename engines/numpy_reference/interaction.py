@@ -8,10 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from engines.numpy_reference.accelerators.nearest import Nearest
+from engines.numpy_reference.accelerators.tracer import OFFSET_ULPS
 from engines.numpy_reference.geometry import Geometry
 from engines.numpy_reference.instances import Turned
 from engines.numpy_reference.shapes import Triangles
-from engines.numpy_reference.vectors import Array, Indices, Mask, dot
+from engines.numpy_reference.vectors import EPSILON, Array, Indices, Mask, dot
 
 
 class Wrapped(NamedTuple):
@@ -101,7 +102,9 @@ def surface_interaction(
         rays = (vectors.take(lanes, axis=1) for vectors in (origin, direction, point))
         local = primitives.interaction(index, *rays)
         outward[:, lanes], shading[:, lanes], dp_du[:, lanes] = local.outward, local.shading_normal, local.dp_du
-        scale[lanes] = np.maximum(scale[lanes], local.radius)
+        # round shapes are met in float64, whatever the tracer's precision
+        share = 1.0 if isinstance(primitives, Turned) else OFFSET_ULPS * EPSILON / offset
+        scale[lanes] = np.maximum(scale[lanes], share * local.radius)
     front = dot(direction, outward) < 0.0
     geometric = np.where(front, outward, -outward)
     normal = np.where(dot(shading, geometric) < 0.0, -shading, shading)

@@ -193,7 +193,9 @@ def test_a_ray_does_not_meet_the_disk_that_it_leaves_and_ends_before_its_end(acc
     assert occluded.tolist() == [1, 0, 1, 0] * 4
 
 
-@pytest.mark.parametrize(("engine", "precision"), [("numba", "float32"), ("embree", "float32"), ("embree", "float64")])
+@pytest.mark.parametrize(
+    ("engine", "precision"), [("numba", "float32"), ("embree", "float32"), ("embree", "float64"), ("embreex_batch", "float64")]
+)
 @pytest.mark.parametrize(
     "floor",
     [
@@ -207,7 +209,9 @@ def test_a_floor_of_any_radius_leaks_no_light(floor, engine, precision):
     """Rays leave it as far as where they meet it asks for, so that those from beside a ball's foot meet the ball."""
 
     def film(floor, engine, precision):
-        shapes = [{**floor, "material": "white"}, {"sphere": {"center": [0, 0.5, 0], "radius": 0.5}, "material": "white"}]
+        ball = {"sphere": {"center": [0, 0.5, 0], "radius": 0.5}}
+        below = {"triangle": {"a": [0, -1, 0], "b": [1, -1, 0], "c": [0, -1, 1]}}  # embreex_batch wants one
+        shapes = [{**shape, "material": "white"} for shape in (floor, ball, below)]
         camera = {**CAMERA, "eye": [0, 1, 4], "target": [0, 0.3, 0], "fov": 18}
         sky = {"environment": {"radiance": [1, 1, 1]}}
         scene = engines.scene_from({**EMPTY, "camera": camera, "shapes": shapes, "lights": [sky]})
