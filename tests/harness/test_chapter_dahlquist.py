@@ -142,6 +142,7 @@ def test_features_are_those_of_the_code(tmp_path):
     scene = engines.load_scene("scenes/two_spheres.yaml")
     assert f"| scenes | {port.why_not(scene, Settings())} | any scene of raybench's format |" in text
     row = next(line for line in text.splitlines() if line.startswith("| accelerators |"))
-    assert all(name in row for name in {*port.accelerators(), *engines.engine("numba").accelerators()} - {"auto"})
+    names = {*port.accelerators(), *engines.engine("numba").accelerators()} - {"auto", "none"}
+    assert all(name in row for name in (*names, "brute force"))
     assert "dahlquist: area_hierarchy (none)" in row and "numba: bvh (" in row, "raced, and what else there is"
     assert "as many as max_depth allows, here 6" in text
