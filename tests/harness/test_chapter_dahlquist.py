@@ -144,5 +144,5 @@ def test_features_are_those_of_the_code(tmp_path):
     row = next(line for line in text.splitlines() if line.startswith("| accelerators |"))
     names = {*port.accelerators(), *engines.engine("numba").accelerators()} - {"auto", "none"}
     assert all(name in row for name in (*names, "brute force"))
-    assert "dahlquist: area_hierarchy (none)" in row and "numba: bvh (" in row, "raced, and what else there is"
+    assert "dahlquist: area_hierarchy (brute force)" in row and "numba: bvh (" in row, "raced, and what else there is"
     assert "as many as max_depth allows, here 6" in text
