@@ -159,7 +159,7 @@ def _not_compared(rows: Sequence[Any]) -> Iterator[str]:
 
 def _shares(rows: Sequence[Any], whose: str) -> str:
     """`0.38 (0.36 to 0.41) of random's time on cornell_box, 0.5 (0.4 to 0.6) on gears`."""
-    of = _of(1 / rows[0].ratio)
+    of = _of_or_times(1 / rows[0].ratio)
     if len(rows) > MOST_PLACES:
         least, most = ((_share(row), _place(row)) for row in (rows[0], rows[-1]))
         return f"{least[0]} {of} {whose} on {least[1]} to {most[0]} on {most[1]}, {len(rows)} comparisons in all"
@@ -167,7 +167,7 @@ def _shares(rows: Sequence[Any], whose: str) -> str:
     return ", ".join([f"{first[0]} {of} {whose} on {first[1]}", *(f"{share} on {place}" for share, place in rest)])
 
 
-def _of(share: float) -> str:
+def _of_or_times(share: float) -> str:
     """`0.4 of the time`, `1.8 times the time`."""
     return "of" if share <= 1 else "times"
 
@@ -186,8 +186,8 @@ def _range(rows: Sequence[Any]) -> str:
     lows = [0.0 if math.isinf(row.ratio_high) else 1 / row.ratio_high for row in rows]
     highs = [1 / row.ratio_low if row.ratio_low > 0 else math.inf for row in rows]
     if any(map(math.isnan, [*lows, *highs])):
-        return f"{_share(rows[0])} {_of(1 / rows[0].ratio)}"
-    return f"{number_text(min(lows))} to {number_text(max(highs))} {_of(max(highs))}"
+        return f"{_share(rows[0])} {_of_or_times(1 / rows[0].ratio)}"
+    return f"{number_text(min(lows))} to {number_text(max(highs))} {_of_or_times(max(highs))}"
 
 
 def _place(row: Any) -> str:

@@ -145,7 +145,7 @@ def test_the_mitsuba_file_reads_as_the_source(name, folder):
 
 
 @pytest.mark.parametrize(("name", "depth", "rr_depth"), [("room.xml", 4, 5), ("room.yaml", 16, 5)])
-def test_depths_that_the_source_has_are_kept_where_none_is_given(name, depth, rr_depth, folder):
+def test_depths_are_those_of_the_source_or_else_the_defaults(name, depth, rr_depth, folder):
     shader = engines.load_scene(converted(folder, name, "out.xml", "--spp", "1")).shader
     assert (shader["max_depth"], shader["rr_depth"]) == (depth, rr_depth)
 

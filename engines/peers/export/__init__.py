@@ -19,7 +19,7 @@ WRITERS: dict[str, tuple[str, Callable[[Scene, Path, int, int], None]]] = {
 
 def export(scene: Scene, form: str, path: str | Path, max_depth: int = 6, spp: int = 64) -> Path:
     """Writes the scene, its camera and an integrator of `max_depth` segments, for Mitsuba with the `rr_depth` of the scene's
-    shader; returns the file.
+    shader, or else of `path_tracer`; returns the file.
 
     `path` is a file of the right suffix, or a folder, which is made where it is missing; meshes and images go to a folder
     beside the file. Raises `UnknownName` for other forms, `ConfigError` for a file that cannot be written, and `Unsupported`
